@@ -2,6 +2,8 @@
 
 import importlib
 import sys
+import warnings
+from contextlib import closing
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -30,6 +32,11 @@ from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, save
 from chmarl_pb.named import import_named
 from chmarl_pb.policies.sources import find_policy, register_loader
+from chmarl_pb.sensing.sensors import SceneGraphSensor
+from chmarl_pb.tasks.advisers import CRITICS, SpokenAdviser
+from chmarl_pb.tasks.kinds import Rearrange
+from chmarl_pb.tasks.messages import Board
+from chmarl_pb.tasks.unreliable import NoisyBoard
 from training.score import score
 
 torch.set_num_threads(1)  # these networks are too small for more
@@ -153,6 +160,55 @@ def test_code_that_a_checkpoint_names_is_run_for_who_trusts_it_alone(
     observations, infos = env.reset(seed=0)
     policy.reset(0)
     assert policy.act(observations, infos).keys() == {"humanoid", "drone"}
+
+
+class LateBoard(Board):
+    """A channel of one's own."""
+
+    def __init__(self, share: float = 0.5):
+        self.share = share
+
+
+class Mute(SpokenAdviser):
+    """An adviser of one's own."""
+
+
+class Chore(Rearrange):
+    """A kind of tasks of one's own."""
+
+
+class Graphs(SceneGraphSensor):
+    """A sensor of one's own with the keys of another."""
+
+
+OWN_PARTS: dict[str, Any] = {
+    "messages": LateBoard(), "feedback": Mute(CRITICS["paper"]), "task": Chore(), "observation": Graphs()
+}  # fmt: skip
+
+
+def test_own_parts_of_a_training_that_an_environment_lacks_are_named(tmp_path: Path) -> None:
+    train(partial(make_env, **OWN_PARTS), "qmix", TINY, tmp_path)
+    given: dict[str, Any] = {"workers": 1, "tasks": ["val-unseen-000"], "seeds": [0], "max_steps": 2}
+    words = [f"messages={__name__}:LateBoard", f"feedback={__name__}:Mute", f"task={__name__}:Chore", "observation=a"]
+    with pytest.warns(match=f"{BEST}: was trained with {' and '.join(words)} sensor of your own, and") as said:
+        chmarl_pb.evaluate(tmp_path / BEST, "val-unseen", **given)
+    assert sum("was trained with" in str(one.message) for one in said) == 1
+    for others in ({"messages": Board()}, {"messages": NoisyBoard()}, {"messages": False}):
+        with (
+            pytest.warns(UserWarning, match=rf"trained with {words[0]}, and this environment has other"),
+            closing(make_env(**{**OWN_PARTS, **others})) as env,
+        ):
+            load_policy(tmp_path / BEST)(env)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chmarl_pb.evaluate(tmp_path / BEST, "val-unseen", **{**given, **OWN_PARTS, "messages": LateBoard(0.1)})
+
+
+def test_without_own_parts_nothing_is_said(folder: Path, env: HouseholdEnv) -> None:
+    with warnings.catch_warnings(), closing(make_env(messages=LateBoard())) as own:
+        warnings.simplefilter("error")
+        load_policy(folder / BEST)(env)
+        load_policy(folder / BEST)(own)
 
 
 OWN_CODE = """

@@ -1,6 +1,8 @@
 """Checkpoints of learners that play, as policies."""
 
+import warnings
 from collections.abc import Sequence
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from chmarl_pb.learning.policies.checks import (
     check_size,
     differences,
     image_size_of,
+    lacking_own_parts,
     silenced,
 )
 from chmarl_pb.learning.policies.own_code import own_code
@@ -77,7 +80,7 @@ class ValuePolicies:
         Raises:
             CheckpointError: it is damaged, or of another kind.
         """
-        self.path = path
+        self.path, self._told = path, set[str]()
         with reading(path):
             content = load(path, "value")
             setting, self._named = content["setting"], {**content["config"], "algorithm": content["algorithm"]}
@@ -113,10 +116,17 @@ class ValuePolicies:
             raise CheckpointError(f"{self.path}: was trained with other observations, {other}")
         if content["actions"] != actions:
             raise CheckpointError(f"{self.path}: was trained with the actions {content['actions']}, not {actions}")
+        self._tell(lacking_own_parts(env.options, content["setting"], self.path))
         agents = make_agents(observations, actions, config)
         fill(agents, content["agents"], self.path)
         agents.requires_grad_(False).eval()
         return BatchOfOne(ValuePolicy(agents, silenced(content["setting"]), encoder))
+
+    def _tell(self, warning: str) -> None:
+        """Warn once, not for each robot; processes that help this one are silent, as this one has said it."""
+        if warning and warning not in self._told and parent_process() is None:
+            self._told.add(warning)
+            warnings.warn(warning, stacklevel=2)
 
     def _config(self, content: dict[str, Any]) -> RunConfig:
         try:
