@@ -15,7 +15,7 @@ class FlatVector:
     """Makes a vector of a dictionary of arrays: its keys in the order of the alphabet, each scaled to -1..1.
 
     A value is divided by the largest that its space allows: pictures by 255, ids by the highest id. Where that is
-    infinite, values stay as they are.
+    infinite, values stay as they are. Choices, of a Discrete or a MultiDiscrete, are one-hot, one after the other.
 
     Attributes:
         layout: key -> slice of the vector that it fills.
@@ -26,18 +26,17 @@ class FlatVector:
         """Read the space of what is to be flattened.
 
         Args:
-            space: a Dict of Boxes.
+            space: a Dict of Boxes, or of others that ``gymnasium.spaces.flatten`` makes arrays of one length of.
             keys: those to take; None: all.
 
         Raises:
-            OptionError: it is another space, or has no such key.
+            OptionError: it is another space, or has no such key, or a key that is taken has values of another kind.
         """
         parts = space.spaces if isinstance(space, spaces.Dict) else {}
-        boxes = {key: box for key, box in parts.items() if isinstance(box, spaces.Box)}
-        if not boxes or len(boxes) < len(parts):
+        if not parts:
             raise OptionError(f"a flat vector is made of a Dict of Boxes, not of {space}; put it first")
-        chosen = _chosen(keys, sorted(boxes))
-        taken = {key: boxes[key] for key in chosen}
+        self._parts = {key: parts[key] for key in _chosen(keys, sorted(parts))}
+        taken = _boxes(self._parts, sorted(parts))
         ends = np.cumsum([0, *(box.low.size for box in taken.values())]).tolist()
         self.layout = dict(zip(taken, map(slice, ends, ends[1:]), strict=False))
         low, high = (
@@ -50,7 +49,35 @@ class FlatVector:
 
     def __call__(self, observation: dict[str, np.ndarray]) -> np.ndarray:
         """Return the vector of an observation, (length,) float32."""
-        return np.concatenate([observation[key].ravel() for key in self.layout], dtype=np.float32) / self._scale
+        flat = [_flat(part, observation[key]) for key, part in self._parts.items()]
+        return np.concatenate(flat, dtype=np.float32) / self._scale
+
+
+def _flat(space: spaces.Space[Any], value: Any) -> np.ndarray:
+    """Return a value of a space as an array of one dimension."""
+    flat: np.ndarray = value.ravel() if isinstance(space, spaces.Box) else spaces.flatten(space, value)  # type: ignore[assignment]
+    return flat
+
+
+def _flat_space(space: spaces.Space[Any]) -> spaces.Space[Any]:
+    try:
+        return spaces.flatten_space(space)
+    except NotImplementedError:  # of a class of the user's own
+        return space
+
+
+def _boxes(parts: dict[str, spaces.Space[Any]], observed: list[str]) -> dict[str, spaces.Box]:
+    """Return key -> Box of its flat values."""
+    flat = ((key, _flat_space(part)) for key, part in parts.items())
+    boxes = {key: box for key, box in flat if isinstance(box, spaces.Box)}
+    if len(boxes) < len(parts):
+        wrong = [f"{key!r} ({type(part).__name__})" for key, part in parts.items() if key not in boxes]
+        others = [key for key in observed if key not in parts or key in boxes]
+        raise OptionError(
+            f"keys: no flat vector can hold {', '.join(wrong)}, whose values have no fixed length; give keys=(...) "
+            f"without, some of: {', '.join(others)}"
+        )
+    return boxes
 
 
 def _chosen(keys: Sequence[str] | None, observed: list[str]) -> list[str]:

@@ -24,7 +24,7 @@ def now_of(env: "HouseholdEnv", last: LastStep) -> Now:
     setting, outcome, robots = env.setting, env.outcome, env.possible_agents
     parts = outcome.parts or (outcome,)
     goal = next((goal for goal, part in zip(setting.goals, parts, strict=False) if not part.success), setting.goal)
-    board = board_of(env.messages, env.rooms, bool(env.options.messages) and not env.symbols)
+    board = board_of(env.messages, env.rooms, env.hears_board)
     moment = Moment(
         last.actions, last.succeeded, last.reward, outcome.potential, board,
         {name: last.feedback.get(name, "") for name in robots}, outcome.seen, (), scene_of(env.world), env.said,

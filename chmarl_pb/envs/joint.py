@@ -11,6 +11,7 @@ from gymnasium import spaces
 from chmarl_pb.envs.options import Options, check_one_of, plain_value
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
+from chmarl_pb.envs.words import as_numbers
 from chmarl_pb.errors import ActionError, OptionError
 from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.policy import first_grasper
@@ -128,10 +129,7 @@ class JointEnv(Viewing, gymnasium.Env):
         return joined(observations), rewards[robot], terminated[robot], truncated[robot], _info(infos)
 
     def _split(self, action: Any) -> dict[str, Any]:
-        try:
-            numbers = np.asarray(action)
-        except ValueError as error:
-            raise ActionError(f"action {action!r} is not an array of numbers") from error
+        numbers = as_numbers(action, "action")
         if self.flat_actions:
             if numbers.size != 1 or numbers.dtype.kind not in "iu" or not 0 <= numbers.item() < np.prod(self._counts):
                 raise ActionError(f"action {action!r} is not a whole number from 0 to {np.prod(self._counts) - 1}")

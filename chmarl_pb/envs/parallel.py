@@ -24,7 +24,7 @@ from chmarl_pb.robots.pointing import verb_of
 from chmarl_pb.robots.robot import decide
 from chmarl_pb.sensing.sensors import View
 from chmarl_pb.tasks.kinds import speaking_of
-from chmarl_pb.tasks.messages import Messages
+from chmarl_pb.tasks.messages import Messages, is_board
 from chmarl_pb.tasks.outcome import Outcome, reward
 from chmarl_pb.tasks.setting import Setting
 from chmarl_pb.tasks.simulation import Simulation
@@ -70,6 +70,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         steps: joint steps taken in this episode.
         symbols: how many symbols each robot can choose from in every step; 0 without own words.
         said: robot -> symbol that it said in the last step; empty without own words.
+        hears_board: whether the robots hear the message board, or a channel of the user's own that is heard like it.
         physics_follows: whether PyBullet's bodies are brought to where they are in every reset and step. If not, they
             are once ``world.sync()`` is called; nothing else depends on it.
     """
@@ -121,6 +122,8 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         self._channel, self._adviser = self.options.channel, self.options.adviser
         self._talk = self._channel if isinstance(self._channel, Talk) else None
         self.symbols = self._talk.vocabulary if self._talk else 0
+        is_read = bool(self.options.messages) and not self.symbols
+        self.hears_board = is_read and is_board(self._observer.space["messages"], self.rooms)
         self._action_spaces = {
             name: action_space(len(names), self.symbols) for name, names in self.action_names.items()
         }
@@ -378,7 +381,7 @@ class HouseholdEnv(ParallelEnv):  # type: ignore[misc]
         return View(
             robot, self._models, self.action_names[robot], state, simulation.room_names[state.robots[robot].room],
             simulation.renderer, simulation.graphs, outcome.seen[robot], self.setting.states, self.rooms,
-            self.instruction, advice, heard, succeeded, self._rng,
+            self.instruction, advice, heard, succeeded, self._rng, self.hears_board,
         )  # fmt: skip
 
     def _observe(

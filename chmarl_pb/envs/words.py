@@ -19,12 +19,27 @@ def numbers_in(robot: str, action: Any) -> NDArray[Any]:
     """Return a robot's action as an array.
 
     Raises:
-        ActionError: it is none, as lists of several lengths are.
+        ActionError: it is none, as lists of several lengths are, and tensors that NumPy cannot read.
+    """
+    return as_numbers(action, f"{robot}: action")
+
+
+def as_numbers(action: Any, what: str) -> NDArray[Any]:
+    """Return an action as an array.
+
+    Args:
+        action: a number, numbers, an array or a tensor.
+        what: it is, for messages.
+
+    Raises:
+        ActionError: it is none.
     """
     try:
         return np.asarray(action)
-    except ValueError as error:
-        raise ActionError(f"{robot}: action {action!r} is not an array of numbers") from error
+    except Exception as error:  # torch's of tensors that require a gradient or lie on a GPU, and others'
+        raise ActionError(
+            f"{what} {action!r} is not an array of numbers; give whole numbers, of a tensor those of .tolist()"
+        ) from error
 
 
 def action_number(robot: str, action: Any, symbols: int) -> int:

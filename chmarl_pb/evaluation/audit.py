@@ -74,7 +74,8 @@ def audit(
         split: all its tasks are played; of those for training, the first 250. If none is given, that of the track's
             headline.
         track: its rules are played; single ones may be given as options.
-        seeds: each plays every task once; a deterministic policy plays the first only.
+        seeds: each plays every task once; a deterministic policy plays the first only, see
+            :func:`chmarl_pb.evaluate`.
         workers: number of processes.
         out: JSON file for the audit. The results of its rows lie in a folder of the same name without the ending; rows
             that are there already with the same settings are kept, so that the same call goes on after an interruption.

@@ -10,11 +10,11 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from gymnasium.vector.utils import CloudpickleWrapper
 
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import core_of_parallel, rollout
+from chmarl_pb.envs.vector.sending import pickled
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.metrics import Played, played
 from chmarl_pb.executors import Executor
@@ -139,26 +139,20 @@ def play(setup: Setup, jobs: Sequence[Job], executor: Executor) -> Iterator[Play
         return iter(())
     if executor.alone or len(jobs) == 1:
         return _play_here(Player(setup), jobs)
-    pickled = packed(setup)
+    make = packed(setup)
     if setup.env_fn is not None or not isinstance(setup.policy, str) or setup.policy not in BUILT_IN:
         Player(setup).close()  # here, before processes are started for it
     lots = _lots(jobs, executor)
-    return chain.from_iterable(executor.map(partial(_play_lot, pickled), lots))
+    return chain.from_iterable(executor.map(partial(_play_lot, make), lots))
 
 
 def packed(setup: Setup) -> bytes:
-    """Return what makes the player of a setup in another process: pickled, also what notebooks and functions define.
+    """Return what makes the player of a setup in another process.
 
     Raises:
         OptionError: it cannot be sent to other processes.
     """
-    try:
-        return pickle.dumps(CloudpickleWrapper(partial(Player, setup)))
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise OptionError(
-            f"the policy or the environment cannot be sent to other processes ({error}); "
-            "keep what cannot be copied out of them, or give workers=1"
-        ) from error
+    return pickled(partial(Player, setup), "the policy or the environment")
 
 
 def _play_here(player: Player, jobs: Sequence[Job]) -> Iterator[Played]:

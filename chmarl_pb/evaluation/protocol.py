@@ -5,7 +5,7 @@ import shlex
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from datetime import datetime, timezone
@@ -26,6 +26,7 @@ from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
 from chmarl_pb.evaluation.provenance import (
     home_hashes,
+    is_told,
     machine,
     packaged_things_hash,
     robots_hash,
@@ -44,6 +45,7 @@ from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.policy import Factory, Policy
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.sources import Source, find_policy
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.tasks.kinds import named_task
 from chmarl_pb.tasks.splits import GENERATED_HOMES, SPLITS, STREAM
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -88,7 +90,8 @@ def evaluate(
         split: all its tasks are played; of those for training, the first 250. If none is given, it is "test-unseen", in
             the grounded track "generated-test".
         observation: see ``options``; None: that of published weights, else "scene_graph".
-        seeds: each plays every task once; a deterministic policy plays the first only.
+        seeds: each plays every task once; a deterministic policy plays the first only, unless ``messages`` is an
+            object, or another part of the environment is your own: these may draw random numbers.
         workers: number of processes.
         tasks: tasks or their ids, instead of the split's.
         out: JSON file for the result; finished episodes are kept beside it, so that the same call goes
@@ -128,7 +131,7 @@ def evaluate(
         raise TaskError(f"the split {split!r} is endless; use {' or '.join(GENERATED_HOMES)}, or give tasks=[...]")
     chosen = _chosen(setup.options, tasks)
     setup = _at_home(setup, chosen)
-    fixed = source.deterministic and isinstance(setup.options.messages, bool | str)  # a channel's object may draw
+    fixed = source.deterministic and not _may_draw(setup)
     seeds = _seeds(seeds)[: 1 if fixed else None]
     executor = executor_of(executor, workers)
     file = None if out is None else Path(out)
@@ -233,6 +236,17 @@ def _check_label(label: str | None) -> None:
         raise OptionError(f"label={label!r} {fault}; name the row otherwise")
 
 
+def _may_draw(setup: Setup) -> bool:
+    """Return whether an episode may depend on its seed whatever the policy does.
+
+    A channel's object may draw random numbers, and so may all that is the user's own: sensors, advisers, kinds of
+    tasks, robots' classes, and what makes the environment.
+    """
+    options = setup.options
+    own_robots = any(model.make is not None for model in options.models.values())
+    return not isinstance(options.messages, bool | str) or own_robots or bool(options.own() or setup.env_fn)
+
+
 def _seeds(seeds: Sequence[int]) -> list[int]:
     if not isinstance(seeds, Iterable):
         raise OptionError(f"seeds={seeds!r}: give several in a row, e.g. range({seeds!r})")
@@ -281,11 +295,17 @@ def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Seq
         "tasks": len(tasks),
         "tasks_sha256": tasks_hash(tasks),
         "homes_sha256": home_hashes(tasks),
-        "robots_sha256": robots_hash(options.models.values()),
+        "robots_sha256": _robots(options.models.values()),
         "catalog_sha256": options.things.content or packaged_things_hash(),
         "source_sha256": source_hash(),
         **changes,
     }
+
+
+def _robots(models: Collection[RobotModel]) -> dict[str, str]:
+    """Return kind of robot -> its hash; where nothing tells its class apart, what no other evaluation has."""
+    untold = {model.name for model in models if not is_told(model)}
+    return {name: _or_unknown("" if name in untold else sha256) for name, sha256 in robots_hash(models).items()}
 
 
 def _or_unknown(sha256: str | None) -> str:
@@ -297,6 +317,7 @@ def _warn_of_unknown(settings: dict[str, Any]) -> None:
     """Warn if nothing tells whether another evaluation has the same settings."""
     told = {"policy": settings["policy_sha256"], "env_fn": settings.get("env", {}).get("sha256")}
     told |= settings.get("own_sha256", {})
+    told |= {f"robots ({name})": sha256 for name, sha256 in settings["robots_sha256"].items()}
     if names := [name for name, sha256 in told.items() if sha256 and sha256.startswith(_UNKNOWN)]:
         warnings.warn(
             f"{', '.join(names)}: holds what cannot be pickled, or has no file, so nothing tells whether another "

@@ -50,6 +50,11 @@ def home_hashes(tasks: Iterable[AnyTask]) -> dict[str, str]:
     return {home: home_hash(home) for home in sorted({task.home for task in tasks})}
 
 
+def is_told(model: RobotModel) -> bool:
+    """Return whether something tells a robot's class, if it has one, apart from others of its name."""
+    return model.make is None or fingerprint(model.make) is not None
+
+
 def robots_hash(models: Iterable[RobotModel]) -> dict[str, str]:
     """Return kind of robot -> sha256 of what is known of it and of its files."""
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from chmarl_pb.frames.motion_player import Scene
 from chmarl_pb.homes.home import Home
 from chmarl_pb.rendering.movables import Team
@@ -100,5 +102,12 @@ class Recording:
 
 
 def board_of(messages: Messages, rooms: tuple[str, ...], heard: bool) -> Messages | None:
-    """Return (2, rooms) in which X and Y have been seen by the message board; None with another channel, or unheard."""
-    return messages.copy() if heard and messages.shape == (2, len(rooms)) else None
+    """Return (2, rooms) in which X and Y have been seen by the message board; None if there is none.
+
+    Args:
+        messages: what has been said; a channel that is heard as a board may keep something else.
+        rooms: in the order of their bits.
+        heard: whether robots hear a board, see :attr:`chmarl_pb.envs.parallel.HouseholdEnv.hears_board`.
+    """
+    kept = heard and messages.shape == (2, len(rooms)) and np.isin(messages, (0, 1)).all()
+    return messages.copy() if kept else None

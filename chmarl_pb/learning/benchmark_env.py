@@ -12,7 +12,7 @@ from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.evaluation.provenance import robots_hash
 from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.homes.home import load_home
-from chmarl_pb.learning.config import CATALOG, FROZEN, HOME, MEANING, ROOMS, RULES, TRAINED_IN
+from chmarl_pb.learning.config import CATALOG, FROZEN, HOME, MEANING, OWN, ROOMS, RULES, TRAINED_IN
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, frozen_encoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
@@ -96,10 +96,13 @@ def trained_in(options: Options) -> dict[str, Any]:
     if "robots" in recorded:
         files["robots_sha256"] = robots_hash(options.models.values())
     if own := options.own():  # what they hold; their code may be mended in the course of a run
-        files["own_sha256"] = {
-            f"what {name} holds": fingerprint(one, code=False) or "unknown" for name, one in own.items()
-        }
+        files[OWN] = {held_by(name): fingerprint(one, code=False) or "unknown" for name, one in own.items()}
     return {name: recorded[name] for name in _TRAINED_IN if name in recorded} | files
+
+
+def held_by(option: str) -> str:
+    """Return the key under which a setting has the hash of what the user's own objects in an option hold."""
+    return f"what {option} holds"
 
 
 def recorded_rules(options: Options) -> dict[str, Any]:

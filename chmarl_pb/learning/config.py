@@ -13,6 +13,7 @@ import numpy as np
 
 FROZEN = "frozen"  # key of a run's setting: sha256 of the frozen weights that pictures are encoded by, or nothing
 TRAINED_IN = "trained_in"  # key of a run's setting: split, kind of task and the like; absent in older ones
+OWN = "own_sha256"  # key in the last: what the user's own objects in options hold; absent where there are none
 HOME = "home"  # the only home that was trained in, by name or path; absent where there were others
 RULES = "rules"  # options of the environment by which a policy plays again; absent by the paper's rules
 MEANING = "meaning"  # what actions and observations mean; only where an object of an option makes it another than RULES

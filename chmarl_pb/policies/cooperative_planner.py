@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb.errors import TaskError
 from chmarl_pb.policies.policy import Actions, Infos, Observations, PolicyEnv
+from chmarl_pb.robots.asked import planned
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.pointing import cell_of, place_of, verb_of
 from chmarl_pb.robots.robot import Robot, taken_cells
@@ -69,10 +70,8 @@ class GraspingPlanner:
 
     def _is_blocked(self, way: list[str], taken: Cells) -> bool:
         """Return whether another robot stands where the first action leads."""
-        action = way[0] if way else "stay"
-        return (
-            verb_of(action) not in self.oracle.robot.arm_actions and self.oracle.robot.plan(action, taken=taken) is None
-        )
+        action, robot = way[0] if way else "stay", self.oracle.robot
+        return verb_of(action) not in robot.arm_actions and planned(robot, action, taken=taken) is None
 
     def _plan_way(self, state: _State, taken: Cells) -> None:
         """Plan, and remember what is left to do in every state on the way; others stay where they are."""

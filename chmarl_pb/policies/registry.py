@@ -16,6 +16,7 @@ from chmarl_pb.policies.policy import Factory, Policy, PolicyEnv, RandomPolicy, 
 from chmarl_pb.policies.reactive import ReactivePolicy
 from chmarl_pb.policies.search import SearchPolicy
 from chmarl_pb.policies.variants import ColourBlind, Noting, Staying, Told, Unheard
+from chmarl_pb.tasks.messages import is_board
 
 #: Parts of what a robot is given.
 PARTS = ("eyes", "instruction", "messages", "feedback", "partner")
@@ -225,12 +226,12 @@ def _check_actions(policy: str, env: Any) -> None:
 
 
 def _check_board(policy: str, env: Any) -> None:
-    board = (2, len(env.rooms))
     heard = {robot: env.observation_space(robot)["messages"] for robot in env.action_names}
     others = sorted(name for name, one in BUILT_IN.items() if not one.reads_board)
     for robot, space in heard.items():
-        if not env.symbols and space.shape != board:
+        if not env.symbols and not is_board(space, env.rooms):
             raise OptionError(
-                f"policy {policy!r} reads the message board, an array {board}, and the {robot} hears {space}; "
-                f"use one of: {', '.join(others)}; or a policy of your own"
+                f"policy {policy!r} reads the message board, an array (2, {len(env.rooms)}) of whole numbers 0 or 1, "
+                f"and the {robot} hears {space}; use one of: {', '.join(others)}; or a policy of your "
+                "own"
             )

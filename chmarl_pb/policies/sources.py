@@ -1,7 +1,7 @@
 """Where policies come from: built in, published weights, ``module:callable``, a checkpoint, or a factory."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from chmarl_pb.errors import MissingExtraError, OptionError
 from chmarl_pb.files import file_hash
-from chmarl_pb.fingerprint import fingerprint, name_of
+from chmarl_pb.fingerprint import fingerprint, name_of, sha256_of
 from chmarl_pb.named import import_named
 from chmarl_pb.policies.eyes import Eyes, Seeing
 from chmarl_pb.policies.policy import Factory, Policy
@@ -19,7 +19,8 @@ from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.weights import Weights, checked_file, published, published_names
 
 #: Group of entry points that load checkpoints: name = the file's ending without the dot, value = a
-#: "module:callable" which takes the path and returns a Factory.
+#: "module:callable" which takes the path and returns a Factory. Its attribute ``code``, if it has one, are the user's
+#: own functions and classes by which the checkpoint is played: results are told apart by these, too.
 ENTRY_POINTS = "chmarl_pb.checkpoints"
 
 #: Group of entry points that bring eyes: name -> a "module:callable" which takes nothing and returns ``Eyes``.
@@ -43,8 +44,9 @@ class Source:
         rules: options of the environment that it was trained with, where they are not the paper's.
         observation: what it observes, if that is known.
         weights: what is published of it.
-        sha256: of the checkpoint, of what tells it apart (:func:`chmarl_pb.fingerprint.fingerprint`), or of what its
-            eyes have learned; None for what comes with the package, and where nothing tells it apart.
+        sha256: of the checkpoint, with the user's own code that it names; of what tells it apart
+            (:func:`chmarl_pb.fingerprint.fingerprint`); or of what its eyes have learned. None for what comes with the
+            package, and where nothing tells it apart.
     """
 
     name: str
@@ -239,5 +241,18 @@ def _checkpoint(path: Path) -> Source:
             f"learner that wrote it, or give module:callable"
         )
     factory = load(path)
-    sha256 = file_hash(path) if path.is_file() else None
+    sha256 = _with_code(file_hash(path), getattr(factory, "code", ())) if path.is_file() else None
     return Source(str(path), factory, **_declared(factory, sha256), rules=getattr(factory, "rules", {}))
+
+
+def _with_code(sha256: str, code: Collection[object]) -> str | None:
+    """Return what tells a checkpoint apart: the hash of its file, and the user's own code that it is played by.
+
+    Args:
+        sha256: of the file.
+        code: that it names, if any.
+    """
+    told = [fingerprint(one) for one in code]
+    if None in told:
+        return None
+    return sha256_of(part.encode() for part in (sha256, *filter(None, told))) if told else sha256

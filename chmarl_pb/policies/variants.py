@@ -115,7 +115,7 @@ class Noting:
         visible = info["visible"]
         for name, kind in zip(visible, classes_of_names(seen, visible, self._catalog), strict=True):
             if kind in graspables:
-                notes[0] |= seen["messages"][0]
+                notes[0] |= seen["messages"][0].astype(notes.dtype)
             elif kind in receptacles:
                 notes[1] |= np.array([room == catalog.room_of(name) for room in self.rooms], dtype=np.int8)
 
@@ -138,5 +138,9 @@ class Told:
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return what the policy does when messages name these rooms from the start."""
-        told = {name: {**seen, "messages": seen["messages"] | self._board} for name, seen in observations.items()}
+        told = {name: {**seen, "messages": self._with_board(seen["messages"])} for name, seen in observations.items()}
         return self.policy.act(told, infos)
+
+    def _with_board(self, heard: np.ndarray) -> np.ndarray:
+        told: np.ndarray = heard | self._board.astype(heard.dtype)
+        return told

@@ -8,6 +8,7 @@ the millimetres by which motors miss. If they miss by more than ``TOLERANCE``, t
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from chmarl_pb.robots.asked import driven, finished
 from chmarl_pb.robots.driven_arm import MissedError
 from chmarl_pb.robots.motion import Motion, Tick
 from chmarl_pb.robots.robot import Robot, taken_cells
@@ -55,7 +56,7 @@ def execute(
     for name, motion in decided.items():
         robot = robots[name]
         free = not robot.neighbours or robot.lattice.cell(motion.pose) not in taken_cells(robot)
-        succeeded[name] = free and name not in missed and bool(robot.finish(motion))
+        succeeded[name] = free and name not in missed and finished(robot, motion)
     return succeeded, snapshots
 
 
@@ -78,7 +79,7 @@ def _rehearse(
         robot.get_ready()
     for held in world.state.held:
         world.physics.thaw(held, solid=False)
-    running = {name: robots[name].drive(motion) for name, motion in motions.items()}
+    running = {name: driven(robots[name], motion) for name, motion in motions.items()}
     missed: set[str] = set()
     snapshots: list[Snapshot] = []
     count = 0

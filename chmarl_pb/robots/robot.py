@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from chmarl_pb.navigation.lattice import AnyLattice
+from chmarl_pb.robots.asked import planned
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.motion import Motion, Tick
@@ -52,7 +53,7 @@ class Robot(Protocol):
         """
 
     def finish(self, motion: Motion) -> bool:
-        """Set the result of a motion; return whether it succeeded. On failure the world is as it was before."""
+        """Set the result of a motion; return True if it succeeded; else False, and the world is as it was before."""
 
     def get_ready(self) -> None:
         """Prepare to be driven."""
@@ -84,7 +85,7 @@ def decide(
     """
     motions: dict[str, Motion | None] = {}
     for name, robot in robots.items():
-        motions[name] = robot.plan(actions[name], goals.get(name), seen[name], taken_cells(robot, motions))
+        motions[name] = planned(robot, actions[name], goals.get(name), seen[name], taken_cells(robot, motions))
     return motions
 
 

@@ -35,6 +35,7 @@ class View(NamedTuple):
         messages: what it hears, as the channel gives it.
         succeeded: whether its last action could be done; True after a reset.
         rng: the environment's random numbers, for sensors with noise.
+        board: whether ``messages`` are the message board, in which rooms X and Y have been seen.
     """
 
     robot: str
@@ -52,6 +53,7 @@ class View(NamedTuple):
     messages: NDArray[Any]
     succeeded: bool
     rng: np.random.Generator
+    board: bool = True
 
     def graph(self) -> SceneGraph:
         """Return the scene graph of what the robot sees."""

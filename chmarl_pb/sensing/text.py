@@ -84,8 +84,8 @@ def _things(
 
 
 def _messages(view: View) -> Iterator[str]:
-    """Yield what messages say, if they are of the paper's kind: rooms where X, and rooms where Y has been seen."""
-    if view.messages.shape != (2, len(view.rooms)):
+    """Yield what messages say, if they are the message board: rooms where X, and rooms where Y has been seen."""
+    if not view.board or view.messages.shape != (2, len(view.rooms)):
         return
     for what, bits in zip(("What is to be moved", "Where it belongs"), view.messages, strict=True):
         rooms = [_name(room) for room, bit in zip(view.rooms, bits, strict=True) if bit]

@@ -82,6 +82,21 @@ class Silence(Board):
         return np.zeros_like(messages)
 
 
+def is_board(space: spaces.Space[Any], rooms: Rooms) -> bool:
+    """Return whether a space is that of the message board: a bit for X and one for Y in each room.
+
+    One of the same shape whose values are others, as ages or probabilities, is none.
+    """
+    if space.shape != (2, len(rooms)):
+        return False
+    if isinstance(space, spaces.MultiDiscrete):
+        return not np.any(space.start) and bool(np.all(space.nvec == 2))
+    if isinstance(space, spaces.Box):
+        whole = space.dtype is not None and space.dtype.kind in "biu"
+        return whole and not np.any(space.low) and bool(np.all(space.high == 1))
+    return isinstance(space, spaces.MultiBinary)
+
+
 def _set(row: NDArray[np.int8], room: str, rooms: Rooms) -> None:
     if room in rooms:
         row[rooms.index(room)] = 1

@@ -22,6 +22,7 @@ from chmarl_pb.compiled import compiled
 from chmarl_pb.errors import TaskError
 from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.rendering.renderer import Renderer
+from chmarl_pb.robots.asked import finished, planned
 from chmarl_pb.robots.goal import Goal
 from chmarl_pb.robots.manipulator import MobileManipulator
 from chmarl_pb.robots.pointing import verb_of
@@ -106,11 +107,11 @@ class Oracle:
         if robot.held == goal.item:
             in_view = [name for name in goal.receptacles if name in seen]
             for action, things in self._acting_on("place", in_view):
-                if robot.plan("place", Goal(goal.item, tuple(things)), seen, taken) is not None:
+                if planned(robot, "place", Goal(goal.item, tuple(things)), seen, taken) is not None:
                     yield action
         elif robot.held is None:
             meant = self.pointer is not None or target_of(goals or (goal,), self.world.state, robot.name, seen) == goal
-            if meant and robot.plan("pick", goal, seen, taken) is not None:
+            if meant and planned(robot, "pick", goal, seen, taken) is not None:
                 yield from (action for action, _ in self._acting_on("pick", (goal.item,)))
 
     def _acting_on(self, verb: str, things: Collection[str]) -> Iterable[tuple[str, Collection[str]]]:
@@ -141,7 +142,7 @@ class Oracle:
 
     def _to_place(self, goal: Goal, start: int, taken: Cells) -> list[str]:
         """Return the actions from a pose with the object in hand up to Place."""
-        if self.robot.plan("place", goal, goal.receptacles, taken) is None:
+        if planned(self.robot, "place", goal, goal.receptacles, taken) is None:
             raise TaskError(f"{goal.item} has no free place within reach on {' or '.join(goal.receptacles)}")
         balls = np.stack([self.ball(name) for name in goal.receptacles])
         works = partial(self.useful, goal, taken=taken)
@@ -213,8 +214,8 @@ class Oracle:
             for action in actions:
                 seen, taken = self.renderer.visible(self.robot.name), taken_cells(self.robot)
                 meant = goal if self.pointer is None else self.pointer.meant(self.robot.name, action)
-                motion = self.robot.plan(verb_of(action), meant, seen, taken)
-                if motion is None or not self.robot.finish(motion):
+                motion = planned(self.robot, verb_of(action), meant, seen, taken)
+                if motion is None or not finished(self.robot, motion):
                     raise TaskError(f"{goal.item}: {action} fails on the planned way; choose another place or seed")
             yield
         finally:

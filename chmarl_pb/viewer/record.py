@@ -121,7 +121,7 @@ def note(env: HouseholdEnv) -> Noted:
     return Noted(
         motion,
         rest,
-        board_of(env.messages, env.rooms, bool(env.options.messages) and not env.symbols),
+        board_of(env.messages, env.rooms, env.hears_board),
         graphs,
         carriers | held,
     )

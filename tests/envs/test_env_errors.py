@@ -2,9 +2,11 @@
 
 import json
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pybullet
 import pytest
@@ -220,6 +222,43 @@ def test_a_list_of_lists_is_no_action(env: HouseholdEnv) -> None:
         with pytest.raises(ActionError, match=r"humanoid.*not an array of numbers"):
             one.step({"humanoid": [[1], [1, 2]], "drone": 0})
     talking.close()
+
+
+class Untold:
+    """An action that no array can be made of, as a tensor that requires a gradient, or lies on a GPU."""
+
+    def __init__(self, error: Exception):
+        self.error = error
+
+    def __array__(self, *given: Any, **named: Any) -> Any:
+        raise self.error
+
+    def __len__(self) -> int:
+        return 2
+
+
+@pytest.mark.parametrize("error", [RuntimeError("grad"), TypeError("cuda"), KeyError()])
+def test_actions_that_numpy_cannot_read_are_refused(error: Exception, env: HouseholdEnv) -> None:
+    words = r"is not an array of numbers; give whole numbers, of a tensor those of \.tolist\(\)$"
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match=f"^drone: action .*Untold.* {words}"):
+        env.step({"humanoid": 9, "drone": Untold(error)})
+    joint = gymnasium.make("CHMARL/SceneGraph-v0").unwrapped
+    joint.reset(seed=0)
+    with pytest.raises(ActionError, match=f"^action .*Untold.* {words}"):
+        joint.step(Untold(error))
+
+
+def test_a_tensor_that_requires_a_gradient_is_no_action(env: HouseholdEnv) -> None:
+    torch = pytest.importorskip("torch")
+    env.reset(seed=0)
+    env.step({"humanoid": torch.tensor(9), "drone": 8})
+    with pytest.raises(ActionError, match=r"humanoid: action tensor.* is not an array of numbers"):
+        env.step({"humanoid": torch.tensor(9.0, requires_grad=True), "drone": 8})
+    with closing(chmarl_pb.vector_env(1, workers=1)) as vector:
+        vector.reset(seed=0)
+        with pytest.raises(ActionError, match=r"are not an array \(1, 2\)"):
+            vector.step(torch.zeros(1, 2, requires_grad=True))
 
 
 @pytest.mark.parametrize("name", ["task", "setting", "outcome", "messages", "instruction"])

@@ -9,12 +9,14 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium import spaces
 from gymnasium.spaces import Box, Dict
 from gymnasium.wrappers import FlattenObservation
 from pettingzoo.test import parallel_api_test
 
 import chmarl_pb
 from chmarl_pb.envs.flat import FlatEnv
+from chmarl_pb.envs.flat_vector import FlatVector
 from chmarl_pb.errors import ActionError, OptionError
 from chmarl_pb.evaluation.state_hash import state_hash
 from chmarl_pb.sensing.sensors import View
@@ -122,6 +124,45 @@ class Named:
 
     def observe(self, view: View) -> dict[str, Any]:
         return {"agent": np.zeros(1, np.int8)}
+
+
+class Choices:
+    """A sensor whose values are choices and bits."""
+
+    def spaces(self) -> Any:
+        low = spaces.Box(-2, 4, (2, 2), np.int16)
+        return {
+            "bits": spaces.MultiBinary(3), "choice": spaces.MultiDiscrete([3, 2], start=[5, 0]), "low": low,
+            "rows": spaces.MultiDiscrete(np.full((2, 1), 2)),
+        }  # fmt: skip
+
+    def observe(self, view: View) -> dict[str, Any]:
+        return {
+            "bits": np.array([1, 0, 1], np.int8), "choice": np.array([7, 0]), "low": np.full((2, 2), -2, np.int16),
+            "rows": np.array([[1], [0]]),
+        }  # fmt: skip
+
+
+def test_choices_are_one_hot() -> None:
+    with closing(chmarl_pb.flat_env((Choices(), "scene_graph"), split=SPLIT)) as env:
+        space = env.observation_space("drone")
+        vector = env.reset(seed=0)[0]["drone"]
+        values = {key: vector[env.layout[key]].tolist() for key in ("bits", "choice", "low", "rows")}
+        assert values == {"bits": [1, 0, 1], "choice": [0, 0, 1, 1, 0], "low": [-0.5] * 4, "rows": [0, 1, 1, 0]}
+        assert space.contains(vector) and vector.shape == space.shape and {"edges", "self"} < env.layout.keys()
+
+
+def test_keys_that_cannot_be_flattened_are_refused_if_they_are_taken() -> None:
+    own = {"self": spaces.Box(0, 1, (2,)), "many": spaces.Sequence(spaces.Discrete(2)), "one": spaces.Discrete(3)}
+    flat = FlatVector(spaces.Dict(own), ("one", "self"))
+    assert flat({"self": np.ones(2), "one": np.int64(2), "many": ()}).tolist() == [0, 0, 1, 1, 1]  # type: ignore[dict-item]
+    for keys in (None, ("many", "self")):
+        with pytest.raises(OptionError, match=r"^keys: no flat vector can hold 'many' \(Sequence\), .*: one, self$"):
+            FlatVector(spaces.Dict(own), keys)
+    with pytest.raises(OptionError, match=r"no flat vector can hold 'own' \(Space\), .*: self$"):
+        FlatVector(spaces.Dict({"self": own["self"], "own": spaces.Space((2,), np.float32)}))
+    with closing(chmarl_pb.flat_env(observation=("scene_graph", Choices()), keys=("messages", "self"))) as env:
+        assert list(env.layout) == ["agent", "messages", "self"]
 
 
 def test_wrong_keys_are_named() -> None:

@@ -9,12 +9,15 @@ import pytest
 from gymnasium import spaces
 
 import chmarl_pb
+from chmarl_pb.envs.frame import now_of
 from chmarl_pb.errors import NotResetError, OptionError
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.tasks.kinds import Rearrange
 from chmarl_pb.tasks.messages import Board
 from chmarl_pb.tasks.symbols import Symbols
 from chmarl_pb.tasks.task import Task
+from chmarl_pb.tasks.unreliable import NoisyBoard
+from chmarl_pb.viewer.record import note
 
 IDLE = {"humanoid": 9, "drone": 8}
 
@@ -165,6 +168,96 @@ def test_policies_that_read_the_board_refuse_other_messages() -> None:
             else:
                 with pytest.raises(OptionError, match=f"'{policy}' reads the message board.*use one of: .*planner"):
                     chmarl_pb.make_policy(policy, env)
+
+
+class Shaped(Board):
+    """A channel of the board's shape, with values of a space of one's own: the board's bits, times a factor."""
+
+    def __init__(self, values: Any, factor: float = 1):
+        self._values, self._factor = values, factor
+
+    def space(self, rooms: Any) -> Any:
+        return self._values(len(rooms))
+
+    def hear(self, messages: Any, *given: Any) -> Any:
+        space = self.space(messages[0])
+        return (messages * self._factor).astype(space.dtype)
+
+
+OTHERS = [
+    (lambda rooms: spaces.Box(0, 100, (2, rooms), np.int16), 100), (lambda rooms: spaces.Box(0, 1, (2, rooms)), 0.5),
+    (lambda rooms: spaces.Box(-1, 1, (2, rooms), np.int8), -1),
+    (lambda rooms: spaces.MultiDiscrete(np.full((2, rooms), 3)), 2),
+    (lambda rooms: spaces.MultiDiscrete(np.full((2, rooms), 2), start=np.ones((2, rooms), np.int64)), 0),
+]  # fmt: skip
+BOARDS = [
+    lambda rooms: spaces.Box(0, 1, (2, rooms), np.int64), lambda rooms: spaces.Box(0, 1, (2, rooms), np.uint64),
+    lambda rooms: spaces.Box(0, 1, (2, rooms), np.bool_),  # type: ignore[arg-type]
+    lambda rooms: spaces.MultiBinary((2, rooms)),
+    lambda rooms: spaces.MultiDiscrete(np.full((2, rooms), 2)),
+]  # fmt: skip
+
+
+def heard_as_board(channel: Any) -> bool:
+    """Return whether rooms that X or Y has been seen in are told by the text, and shown in frames."""
+    given: dict[str, Any] = {"split": "val-unseen", "messages": channel, "observation": "scene_graph+text"}
+    with closing(chmarl_pb.parallel_env(**given)) as env:
+        _, infos = env.reset(seed=0)
+        texts = ""
+        while env.agents:
+            *_, infos = env.step({"humanoid": env.steps % 4, "drone": env.steps % 4})
+            texts += infos["drone"]["text"]
+        told, shown = "been seen in the" in texts, now_of(env, env._last).recording.has_board
+        assert told == shown == (note(env).messages is not None) == env.hears_board
+        return told
+
+
+@pytest.mark.parametrize(("values", "factor"), OTHERS)
+def test_messages_of_the_boards_shape_are_none_if_they_mean_something_else(values: Any, factor: float) -> None:
+    channel = Shaped(values, factor) if factor else Shaped(values)
+    if not factor:
+        channel.hear = lambda messages, *given: messages.astype(np.int64) + 1  # type: ignore[method-assign]
+    assert not heard_as_board(channel)
+    with closing(chmarl_pb.parallel_env(split="val-unseen", messages=channel, lookalikes=True)) as env:
+        for policy in ("search", "belief", "belief-told", "reactive"):
+            with pytest.raises(OptionError, match=f"'{policy}' reads the message board, an array .2, 4. of whole num"):
+                chmarl_pb.make_policy(policy, env)
+
+
+@pytest.mark.parametrize("values", BOARDS)
+def test_a_board_is_one_in_any_type_of_whole_numbers(values: Any) -> None:
+    assert heard_as_board(Shaped(values))
+    with closing(chmarl_pb.parallel_env(split="val-unseen", messages=Shaped(values), max_steps=12)) as env:
+        usual = chmarl_pb.parallel_env(split="val-unseen", max_steps=12)
+        for policy in ("search", "search-alone", "belief-told", "search-silent"):
+            own, board = (chmarl_pb.rollout(one, chmarl_pb.make_policy(policy, one), seed=0) for one in (env, usual))
+            assert own.actions == board.actions
+        usual.close()
+
+
+@pytest.mark.parametrize(("channel", "is_told"), [(True, True), (False, False), (NoisyBoard(0.1), True)])
+def test_the_packages_channels_are_boards(channel: Any, is_told: bool) -> None:
+    with closing(chmarl_pb.parallel_env(split="val-unseen", messages=channel)) as env:
+        assert env.hears_board == is_told and chmarl_pb.make_policy("search", env)
+    with closing(chmarl_pb.parallel_env(split="val-unseen", messages="symbols")) as env:
+        assert not env.hears_board
+
+
+class Aging(Board):
+    """A channel that keeps for how many steps each room has been known, and is heard as a board."""
+
+    def update(self, messages: Any, *given: Any) -> Any:
+        known = super().update(np.minimum(messages, 1), *given)
+        return np.where(known, messages + 1, 0).astype(np.int8)
+
+    def hear(self, messages: Any, *given: Any) -> Any:
+        return np.minimum(messages, 1)
+
+
+def test_what_a_channel_keeps_is_not_taken_for_the_board_that_is_heard() -> None:
+    with closing(chmarl_pb.parallel_env(split="val-unseen", messages=Aging())) as env:
+        chmarl_pb.rollout(env, chmarl_pb.make_policy("planner", env), seed=0)
+        assert env.hears_board and env.messages.max() > 1 and note(env).messages is None
 
 
 class Mumble(Symbols):

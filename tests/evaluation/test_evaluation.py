@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -34,13 +35,17 @@ from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.sources import find_policy, register_loader
 from chmarl_pb.policies.variants import Noting, Unheard
+from chmarl_pb.robots.file import find_model
+from chmarl_pb.robots.mobile import MobileRobot
+from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.robots.registry import team_of
-from chmarl_pb.sensing.sensors import SceneGraphSensor
+from chmarl_pb.sensing.sensors import SceneGraphSensor, View
+from chmarl_pb.tasks.advisers import CRITICS, SpokenAdviser
 from chmarl_pb.tasks.kinds import Rearrange
 from chmarl_pb.tasks.messages import Board
 from chmarl_pb.tasks.splits import SPLITS, TRAINING_SPLITS, load_tasks
 from chmarl_pb.tasks.task import Optimum, Task
-from chmarl_pb.tasks.unreliable import NoisyBoard
+from chmarl_pb.tasks.unreliable import NoisyBoard, UnreliableAdviser
 
 TASKS = load_tasks("test-unseen")[:3]
 MAX_STEPS = 12
@@ -702,6 +707,81 @@ def test_where_a_channel_draws_all_seeds_are_played() -> None:
     given: dict[str, Any] = {"workers": 1, "tasks": TASKS[:1], "max_steps": 2, "seeds": [0, 1]}
     assert evaluate("belief", **given).settings["seeds"] == [0]
     assert evaluate("belief", messages=NoisyBoard(0.3), **given).settings["seeds"] == [0, 1]
+
+
+class Numb:
+    """A sensor of one's own."""
+
+    def spaces(self) -> dict[str, spaces.Box]:
+        return {"numb": spaces.Box(0, 1, (1,), np.float32)}
+
+    def observe(self, view: View) -> dict[str, Any]:
+        return {"numb": np.zeros(1, np.float32)}
+
+
+class Mute(SpokenAdviser):
+    """An adviser of one's own."""
+
+    def after(self, succeeded: dict[str, bool], step: int) -> dict[str, str]:
+        return {}
+
+
+class Chore(Rearrange):
+    """A kind of tasks of one's own."""
+
+
+class Buzzing(MobileRobot):
+    """A robot's class of one's own, with something that it is made with."""
+
+    def __init__(self, *arguments: Any, held: Any = None):
+        super().__init__(*arguments)
+
+
+def buzzing(held: Any = None) -> tuple[str, RobotModel]:
+    return "humanoid", replace(find_model("drone"), name="buzzing", make=partial(Buzzing, held=held))
+
+
+@pytest.mark.parametrize(
+    ("part", "seeds"),
+    [
+        ({"observation": ("scene_graph", Numb())}, [0, 1]), ({"feedback": Mute(CRITICS["paper"])}, [0, 1]),
+        ({"task": Chore()}, [0, 1]), ({"robots": buzzing()}, [0, 1]), ({"env_fn": partial(made_by, 0.0)}, [0, 1]),
+        ({"observation": "scene_graph+text", "feedback": "planner", "messages": False}, [0]),
+        ({"feedback": UnreliableAdviser("planner", wrong=0.5), "robots": ("humanoid", find_model("drone"))}, [0]),
+    ],
+)  # fmt: skip
+def test_where_an_own_part_may_draw_all_seeds_are_played(part: dict[str, Any], seeds: list[int]) -> None:
+    report = evaluate("belief", workers=1, tasks=TASKS[:1], max_steps=2, seeds=[0, 1], **part)
+    assert report.settings["seeds"] == seeds and report.run["deterministic"] == (seeds == [0])
+    assert len(report.episodes) == len(seeds)
+
+
+def test_nothing_is_reused_where_nothing_tells_a_robots_class_apart(tmp_path: Path) -> None:
+    given: dict[str, Any] = {"workers": 1, "tasks": TASKS[:2], "max_steps": 2, "seeds": [0], "out": tmp_path / "r.json"}
+    told = {"robots": buzzing(held=1), **given}
+    assert evaluate("belief", **told).run == evaluate("belief", reuse=True, **told).run
+    untold, played = {"robots": buzzing(held=threading.Lock()), **given}, list[str]()
+    for _ in range(2):
+        with pytest.warns(UserWarning, match=r"^robots \(buzzing\): holds what cannot be pickled, or has no file"):
+            played.append(evaluate("belief", reuse=True, **untold).settings["robots_sha256"]["buzzing"])
+    assert played[0].startswith("unknown-") and played[0] != played[1]
+
+
+def test_nor_does_an_interrupted_evaluation_go_on_there(tmp_path: Path) -> None:
+    def stop(finished: int, total: int) -> None:
+        if finished == 1:
+            raise KeyboardInterrupt
+
+    given: dict[str, Any] = {
+        "robots": buzzing(held=threading.Lock()), "workers": 1, "tasks": TASKS[:2], "max_steps": 2, "seeds": [0],
+        "out": tmp_path / "r.json",
+    }  # fmt: skip
+    with pytest.warns(UserWarning, match="robots"), pytest.raises(KeyboardInterrupt):
+        evaluate("belief", progress=stop, **given)
+    told = list[int]()
+    with pytest.warns(RuntimeWarning, match="of another evaluation"):
+        evaluate("belief", progress=lambda finished, total: told.append(finished), **given)
+    assert told == [0, 1, 2]
 
 
 class Errands(Rearrange):

@@ -1,6 +1,10 @@
 """Checkpoints as policies of the benchmark."""
 
-from dataclasses import replace
+import importlib
+import sys
+import warnings
+from contextlib import closing
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,18 +16,27 @@ import torch
 import chmarl_pb
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
+from chmarl_pb.files import file_hash
 from chmarl_pb.learning import Config, train
+from chmarl_pb.learning.algorithms.registry import find_algorithm
 from chmarl_pb.learning.config import FROZEN
+from chmarl_pb.learning.networks.encoders import ENCODERS
 from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.learning.networks.residual import ResNet18
 from chmarl_pb.learning.policies.checks import check_size, silenced
-from chmarl_pb.learning.policies.learned import ValuePolicy
+from chmarl_pb.learning.policies.learned import ValuePolicies, ValuePolicy
 from chmarl_pb.learning.policies.load import load_policy
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, save
+from chmarl_pb.named import import_named
 from chmarl_pb.policies.sources import find_policy, register_loader
+from chmarl_pb.sensing.sensors import SceneGraphSensor
+from chmarl_pb.tasks.advisers import CRITICS, SpokenAdviser
+from chmarl_pb.tasks.kinds import Rearrange
+from chmarl_pb.tasks.messages import Board
+from chmarl_pb.tasks.unreliable import NoisyBoard
 from training.score import score
 
 torch.set_num_threads(1)  # these networks are too small for more
@@ -147,6 +160,121 @@ def test_code_that_a_checkpoint_names_is_run_for_who_trusts_it_alone(
     observations, infos = env.reset(seed=0)
     policy.reset(0)
     assert policy.act(observations, infos).keys() == {"humanoid", "drone"}
+
+
+class LateBoard(Board):
+    """A channel of one's own."""
+
+    def __init__(self, share: float = 0.5):
+        self.share = share
+
+
+class Mute(SpokenAdviser):
+    """An adviser of one's own."""
+
+
+class Chore(Rearrange):
+    """A kind of tasks of one's own."""
+
+
+class Graphs(SceneGraphSensor):
+    """A sensor of one's own with the keys of another."""
+
+
+OWN_PARTS: dict[str, Any] = {
+    "messages": LateBoard(), "feedback": Mute(CRITICS["paper"]), "task": Chore(), "observation": Graphs()
+}  # fmt: skip
+
+
+def test_own_parts_of_a_training_that_an_environment_lacks_are_named(tmp_path: Path) -> None:
+    train(partial(make_env, **OWN_PARTS), "qmix", TINY, tmp_path)
+    given: dict[str, Any] = {"workers": 1, "tasks": ["val-unseen-000"], "seeds": [0], "max_steps": 2}
+    words = [f"messages={__name__}:LateBoard", f"feedback={__name__}:Mute", f"task={__name__}:Chore", "observation=a"]
+    with pytest.warns(match=f"{BEST}: was trained with {' and '.join(words)} sensor of your own, and") as said:
+        chmarl_pb.evaluate(tmp_path / BEST, "val-unseen", **given)
+    assert sum("was trained with" in str(one.message) for one in said) == 1
+    for others in ({"messages": Board()}, {"messages": NoisyBoard()}, {"messages": False}):
+        with (
+            pytest.warns(UserWarning, match=rf"trained with {words[0]}, and this environment has other"),
+            closing(make_env(**{**OWN_PARTS, **others})) as env,
+        ):
+            load_policy(tmp_path / BEST)(env)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chmarl_pb.evaluate(tmp_path / BEST, "val-unseen", **{**given, **OWN_PARTS, "messages": LateBoard(0.1)})
+
+
+def test_without_own_parts_nothing_is_said(folder: Path, env: HouseholdEnv) -> None:
+    with warnings.catch_warnings(), closing(make_env(messages=LateBoard())) as own:
+        warnings.simplefilter("error")
+        load_policy(folder / BEST)(env)
+        load_policy(folder / BEST)(own)
+
+
+OWN_CODE = """
+import torch
+from chmarl_pb.learning.algorithms.registry import Algorithm
+from chmarl_pb.learning.algorithms.value import Config, ValueLearner
+
+
+class Encoder(torch.nn.Module):
+    def __init__(self, space, size, image_encoder, graph_pool):
+        super().__init__()
+        self.layer = torch.nn.Linear(space["self"].shape[0], size)
+
+    def forward(self, observation):
+        return self.layer(observation["self"]) * FACTOR
+
+
+class OwnConfig(Config):
+    pass
+
+
+OWN = Algorithm(ValueLearner, OwnConfig)
+"""
+
+
+def written(folder: Path, factor: int) -> None:
+    """Write the module of one's own, to be imported anew."""
+    (folder / "own_code.py").write_text(OWN_CODE.replace("FACTOR", str(factor)))
+    importlib.invalidate_caches()
+    sys.modules.pop("own_code", None)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "given"),
+    [
+        ("qmix", {"encoder": "own_code:Encoder"}), ("own_code:OWN", {"mixer": "qmix"}),
+        ("qmix", {"encoder": "registered"}),
+    ],
+)  # fmt: skip
+def test_code_that_a_checkpoint_names_tells_it_apart(
+    algorithm: str, given: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setenv("CHMARL_TRUSTED", "own_code:Encoder,own_code:OWN")
+
+    def hashed(factor: int) -> str | None:
+        written(tmp_path, factor)
+        monkeypatch.setitem(ENCODERS, "registered", import_named("own_code:Encoder"))
+        return find_policy(tmp_path / "run" / BEST).sha256
+
+    written(tmp_path, 1)
+    monkeypatch.setitem(ENCODERS, "registered", import_named("own_code:Encoder"))
+    config = find_algorithm(algorithm).config(**{**asdict(TINY), **given})
+    train(make_env, algorithm, config, tmp_path / "run")
+    first, other, again = (hashed(factor) for factor in (1, 5, 1))
+    assert first == again and len({first, other, file_hash(tmp_path / "run" / BEST)}) == 3
+    monkeypatch.delenv("CHMARL_TRUSTED")
+    if given.get("encoder") != "registered":
+        with pytest.raises(CheckpointError, match="is code, which would be run; if you trust it, set CHMARL_TRUSTED"):
+            find_policy(tmp_path / "run" / BEST)
+
+
+def test_a_checkpoint_that_names_no_code_is_told_by_its_file(folder: Path) -> None:
+    assert find_policy(folder / BEST).sha256 == file_hash(folder / BEST)
+    assert ValuePolicies(folder / BEST).code == ()
 
 
 def test_an_encoder_gives_as_many_numbers_as_it_is_asked_for() -> None:

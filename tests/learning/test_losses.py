@@ -13,7 +13,7 @@ from torch import nn
 from chmarl_pb.learning.algorithms.losses import Returns, Unrolled, mean_square, td_loss
 from chmarl_pb.learning.algorithms.mixers import DeepQMixer, Independent, QMixer, Sum
 from chmarl_pb.learning.algorithms.qtran import QtranNetworks, qtran_loss
-from chmarl_pb.learning.algorithms.registry import make_learner
+from chmarl_pb.learning.algorithms.registry import Algorithm, make_learner
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.components import best_action
 from chmarl_pb.learning.rollouts.batch import Batch
@@ -102,6 +102,16 @@ def test_nothing_else_is_trained_under_the_name_of_an_algorithm(algorithm: str, 
 def test_an_algorithm_may_name_its_own_mixer() -> None:
     for algorithm in ("iql", "vdn", "qmix"):
         make_learner(algorithm, interface_of(TwoStepGame()), Config(mixer=algorithm))
+
+
+OWN = Algorithm(ValueLearner, Config)
+
+
+def test_an_algorithm_of_ones_own_without_a_mixer_says_so() -> None:
+    name, interface = f"{__name__}:OWN", interface_of(TwoStepGame())
+    with pytest.raises(ValueError, match=f"^algorithm {name} names no mixer; give mixer=..., one of: iql, vdn, .*; or"):
+        make_learner(name, interface, Config())
+    assert isinstance(make_learner(name, interface, Config(mixer="qmix")), ValueLearner)
 
 
 @given(st.lists(NUMBERS, min_size=9, max_size=9))

@@ -8,13 +8,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import chmarl_pb
 from chmarl_pb.errors import AssetError, OptionError
 from chmarl_pb.evaluation.provenance import robots_hash
 from chmarl_pb.robots.file import find_model
+from chmarl_pb.robots.manipulator import MobileManipulator
 from chmarl_pb.robots.mobile import MobileRobot
+from chmarl_pb.robots.model import RobotModel
+from chmarl_pb.robots.motion import Motion, Tick
 
 TEXT: Any = {"fov": "90"}
 SHORT: Any = {"position": (0.0, 0.0)}
@@ -123,6 +127,91 @@ def test_policies_say_which_actions_they_miss() -> None:
             chmarl_pb.make_policy("search", env)
         episode = chmarl_pb.rollout(env, chmarl_pb.make_policy("random", env), seed=0)
         assert episode.steps == env.options.max_steps
+
+
+class Answering(MobileRobot):
+    """A robot that answers what it is told to."""
+
+    def __init__(self, *arguments: Any, answers: dict[str, Any]):
+        super().__init__(*arguments)
+        self.answers = answers
+
+    def plan(self, *given: Any, **named: Any) -> Any:
+        return self.answers["plan"] if "plan" in self.answers else super().plan(*given, **named)
+
+    def finish(self, motion: Motion) -> Any:
+        done = super().finish(motion)
+        if "then" in self.answers:
+            self.answers["then"](self)
+        return self.answers.get("finish", done)
+
+    def drive(self, motion: Motion) -> Any:
+        return self.answers.get("drive", super().drive(motion))
+
+
+def answering(**answers: Any) -> tuple[RobotModel, RobotModel]:
+    return HUMANOID, replace(DRONE, name="own", make=partial(Answering, answers=answers))
+
+
+def gone(robot: MobileRobot) -> None:
+    """Teleport a robot to a pose that is none."""
+    state = robot.world.state
+    robot.world.state = replace(state, robots={**state.robots, "own": replace(state.robots["own"], pose=-1)})
+
+
+@pytest.mark.parametrize(
+    ("answers", "words"),
+    [
+        ({"plan": Motion(-1)}, r"plan\('stay'\) is Motion\(pose=-1, .*\); it is to be None where the action fails, "
+         r"or a Motion whose pose is a whole number from 0 to \d+, as its lattice has these poses"),
+        ({"plan": Motion(10**9)}, r"plan\('stay'\) is Motion\(pose=1000000000"),
+        ({"plan": Motion(2.0)}, r"plan\('stay'\) is Motion\(pose=2.0"),  # type: ignore[arg-type]
+        ({"plan": Motion(True)}, r"plan\('stay'\) is Motion\(pose=True"),
+        ({"plan": 3}, r"plan\('stay'\) is 3; it is to be None"), ({"plan": True}, r"plan\('stay'\) is True; "),
+        ({"plan": (5, None, None, None)}, r"plan\('stay'\) is \(5, None, None, None\); "),
+        ({"finish": None}, r"finish\(Motion.*\) is None; it is to be True or False: whether the motion succeeded"),
+        ({"finish": "no"}, r"finish\(Motion.*\) is 'no'; "), ({"finish": 1}, r"finish\(Motion.*\) is 1; "),
+        ({"then": gone}, r"pose after finish\(Motion.*\) is -1; it is to be a whole number from 0 to \d+, as"),
+        ({"drive": None}, r"drive\(Motion.*\) is None; it is to be an iterator of Ticks, see MobileRobot.drive"),
+        ({"drive": iter([0.5])}, r"drive\(Motion.*\) is 0.5; it is to be a Tick, or None, for each step"),
+    ],
+)  # fmt: skip
+def test_what_a_robots_class_answers_is_checked(answers: dict[str, Any], words: str) -> None:
+    execution = "simulated" if "drive" in answers else "instant"
+    with closing(chmarl_pb.parallel_env(robots=answering(**answers), split="val-unseen", execution=execution)) as env:
+        env.reset(seed=0)
+        stay = {robot: names.index("stay") for robot, names in env.action_names.items()}
+        with pytest.raises(OptionError, match=rf"^tests\.robots\.test_own_model:Answering\.{words}"):
+            env.step(stay)
+
+
+def test_what_a_robots_class_may_answer() -> None:
+    ticks = iter([Tick(by_motors=False), None])
+    for answers, succeeded in (
+        ({"plan": Motion(np.int64(5))}, True),  # type: ignore[arg-type]
+        ({"plan": None}, False), ({"finish": np.bool_(False)}, False),
+        ({"drive": ticks}, True),
+    ):  # fmt: skip
+        execution = "simulated" if "drive" in answers else "instant"
+        team = answering(**answers)
+        with closing(chmarl_pb.parallel_env(robots=team, split="val-unseen", execution=execution)) as env:
+            env.reset(seed=0)
+            infos = env.step({robot: names.index("stay") for robot, names in env.action_names.items()})[-1]
+            assert infos["own"]["action_success"] == succeeded
+            assert type(env.world.state.robots["own"].pose) is int
+
+
+def test_a_robots_class_is_checked_in_plans_too() -> None:
+    class Grasping(MobileManipulator):
+        def plan(self, action: str, *given: Any, **named: Any) -> Any:
+            return Motion(-1) if action == "pick" else super().plan(action, *given, **named)
+
+    model = replace(HUMANOID, name="grasping", make=Grasping)
+    with closing(chmarl_pb.parallel_env(robots=(model,), split="val-unseen")) as env:
+        env.reset(options={"task": "val-unseen-000"})
+        policy = chmarl_pb.make_policy("planner", env)
+        with pytest.raises(OptionError, match=r"Grasping\.plan\('pick'\) is Motion\(pose=-1"):
+            chmarl_pb.rollout(env, policy, seed=0, task="val-unseen-000")
 
 
 def test_the_planner_flies_robots_with_more_actions() -> None:

@@ -15,10 +15,10 @@ from typing import Any, Protocol
 
 from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
 from gymnasium.vector import AutoresetMode
-from gymnasium.vector.utils import CloudpickleWrapper
 
 from chmarl_pb.envs.vector.batch import Batch, MakeEnv, Part
 from chmarl_pb.envs.vector.memory import Memory, Signature, shared_file
+from chmarl_pb.envs.vector.sending import Sent, pickled
 from chmarl_pb.envs.vector.worker import Failure, listen, serve, wait_for_message
 from chmarl_pb.errors import WorkerError
 from chmarl_pb.world import Uncopied
@@ -82,9 +82,11 @@ class Engine(Uncopied):
             autoreset: when an environment whose episode is over is reset.
 
         Raises:
+            OptionError: the environment holds what cannot be sent to workers.
             WorkerError: a worker died.
         """
         self._shares = shares(count, processes)
+        sent = Sent(pickled(make, "the environment")) if len(self._shares) > 1 else None
         self._commands: list[Connection] = []
         self._answers: list[Connection] = []
         self._processes: list[BaseProcess] = []
@@ -95,7 +97,7 @@ class Engine(Uncopied):
         self._command: tuple[str, tuple[Any, ...]] | None = _START
         try:
             for share in self._shares[1:]:
-                self._start(share, CloudpickleWrapper(make), autoreset)
+                self._start(share, sent, autoreset)
             self._batch = Batch(make, self._shares[0], autoreset)  # while the workers make theirs
             stack.callback(self._batch.close)
             self.receive()
@@ -104,7 +106,7 @@ class Engine(Uncopied):
             self.close()
             raise
 
-    def _start(self, share: range, make: CloudpickleWrapper, autoreset: AutoresetMode) -> None:
+    def _start(self, share: range, make: Sent | None, autoreset: AutoresetMode) -> None:
         # Forked children would share PyBullet's clients; spawned ones have their own.
         context = get_context("spawn")
         # Two pipes of one direction: quicker than one of both, which is a socket.

@@ -51,7 +51,7 @@ def write_actions(engine: AnyEngine, actions: Any, numbers: np.ndarray | None = 
         if array.dtype == bool or not np.can_cast(array.dtype, place.dtype, "same_kind"):
             raise TypeError(f"its type is {array.dtype}")
         place[slice(None) if numbers is None else numbers] = array
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RuntimeError) as error:  # the last: torch's, of tensors that require a gradient
         raise ActionError(f"actions {actions!r} are not an array {shape} of {place.dtype}: {error}") from error
 
 

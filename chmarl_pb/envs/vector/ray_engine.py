@@ -6,11 +6,11 @@ from typing import Any
 
 from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
 from gymnasium.vector import AutoresetMode
-from gymnasium.vector.utils import CloudpickleWrapper
 
 from chmarl_pb.envs.vector.batch import MakeEnv, Part
 from chmarl_pb.envs.vector.engine import gathered
 from chmarl_pb.envs.vector.memory import Memory, Signature
+from chmarl_pb.envs.vector.sending import Sent, pickled
 from chmarl_pb.envs.vector.share import Share, written
 from chmarl_pb.errors import OptionError, WorkerError
 from chmarl_pb.extras import needs
@@ -44,9 +44,10 @@ class RayEngine(Uncopied):
             autoreset: when an environment whose episode is over is reset.
 
         Raises:
-            OptionError: there is no cluster, or it has fewer processors.
+            OptionError: there is no cluster, it has fewer processors, or the environment holds what cannot be sent.
             WorkerError: an actor died.
         """
+        content = Sent(pickled(make, "the environment"))
         self._joined = connect("auto")
         free = int(processors())
         number = min(free if workers is None else max(workers, 1), count)
@@ -55,7 +56,7 @@ class RayEngine(Uncopied):
         bounds = [count * place // number for place in range(number + 1)]
         self._shares = [range(low, high) for low, high in pairwise(bounds)]
         self._closed, self._command, self._answers = False, "", list[Any]()
-        sent = ray.put(CloudpickleWrapper(make))
+        sent = ray.put(content)
         self._actors = [_actor.remote(sent, share, count, autoreset) for share in self._shares]
         try:
             self.signature: Signature = self._get([actor.signature.remote() for actor in self._actors])[0]

@@ -117,12 +117,17 @@ class ValueLearner:
         """Return what joins the agents' values.
 
         Raises:
-            ValueError: the settings name a mixer that makes another algorithm of it, or there is none of this name.
+            ValueError: the settings name a mixer that makes another algorithm of it, or there is none of this name; or
+                they name none, and the algorithm has none of its own.
         """
         algorithm, mixer = self.algorithm, self.config.mixer or self.algorithm
         if mixer != algorithm and algorithm in MIXERS and (algorithm in BY_MIXER or mixer in BY_MIXER):
             instead = mixer if mixer in BY_MIXER else "qmix"
             raise ValueError(f"mixer={mixer!r}: that makes another algorithm of {algorithm}; use {instead}")
+        if not self.config.mixer and algorithm not in MIXERS:
+            raise ValueError(
+                f"algorithm {algorithm} names no mixer; give mixer=..., one of: {', '.join(MIXERS)}; or module:name"
+            )
         given = (len(interface.agents), interface.state_size, self.config.embedding)
         return make_network("mixer", mixer, MIXERS, *given, kind=Mixer)
 

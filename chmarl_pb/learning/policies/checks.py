@@ -9,12 +9,13 @@ from chmarl_pb.catalog import ROOM_KINDS
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import PAPER
-from chmarl_pb.learning.benchmark_env import meaning_in, meaning_of
-from chmarl_pb.learning.config import CATALOG, HOME, MEANING, ROOMS, RULES
+from chmarl_pb.learning.benchmark_env import held_by, meaning_in, meaning_of
+from chmarl_pb.learning.config import CATALOG, HOME, MEANING, OWN, ROOMS, RULES, TRAINED_IN
 from chmarl_pb.learning.storage.checkpoint import CheckpointError
 
 _PART = re.compile(r"'([^']+)': (\w+\(.*?\))(?=, '|\)$)")  # of the text of a Dict space
 _LONGEST = 100  # characters of a space in a message
+_A_SENSOR = "a sensor of your own"
 
 
 def check_size(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> None:
@@ -99,6 +100,40 @@ def check_rules(env: HouseholdEnv, setting: Mapping[str, Any], path: Path) -> No
         told = ", ".join(f"{name}={value!r}" for name, value in rules.items())
         differ = ", ".join(name for name in own if own[name] != theirs[name])
         raise CheckpointError(f"{path}: was trained by other rules ({differ}); make the environment with {told}")
+
+
+def lacking_own_parts(options: Options, setting: Mapping[str, Any], path: Path) -> str:
+    """Return which objects of the user's own a policy was trained with that an environment lacks, as a sentence.
+
+    No file holds these. It is empty if there are none.
+
+    Args:
+        options: of the environment.
+        setting: of the training.
+        path: of the checkpoint.
+    """
+    lacking = [f"{name}={one}" for name, one in _own_parts(setting).items() if not _has(options, name, one)]
+    if not lacking:
+        return ""
+    return (
+        f"{path}: was trained with {' and '.join(lacking)}, and this environment has other parts in their place; give "
+        "it objects of these classes, unless others are meant"
+    )
+
+
+def _own_parts(setting: Mapping[str, Any]) -> dict[str, str]:
+    """Return option -> class of the object that it was in training; classes of sensors are not kept."""
+    trained = setting.get(TRAINED_IN, {})
+    told = {name: setting.get(name) for name in ("messages", "feedback")} | {"task": trained.get("task")}
+    parts = {name: one.partition("(")[0] for name, one in told.items() if isinstance(one, str) and ":" in one}
+    return parts | ({"observation": _A_SENSOR} if held_by("observation") in trained.get(OWN, {}) else {})
+
+
+def _has(options: Options, name: str, of_class: str) -> bool:
+    """Return whether an option is an object of this class."""
+    if of_class == _A_SENSOR:
+        return name in options.own()
+    return str(options.recorded().get(name)).partition("(")[0] == of_class
 
 
 def silenced(setting: dict[str, Any]) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from chmarl_pb.learning.networks.frozen import FROZEN_ENCODERS, FrozenEncoder, f
 from chmarl_pb.learning.networks.kept_features import all_with_features, feature_space
 from chmarl_pb.learning.observation_keys import named
 from chmarl_pb.learning.policies.checks import check_names, check_rules, check_size
+from chmarl_pb.learning.policies.own_code import own_code
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.spaces import stack, tensors
 from chmarl_pb.learning.storage import checkpoint
@@ -233,7 +234,13 @@ class BCPolicies:
         self.path = path
         with checkpoint.reading(path):
             self.config = CloningConfig(**checkpoint.load(path, KIND)["config"])
+        self._named = {name: getattr(self.config, name) for name in ("graph_pool", "image_encoder")}
         self.deterministic, self.centralized = self.config.temperature == 0, self.config.centralized
+
+    @property
+    def code(self) -> tuple[Any, ...]:
+        """The user's own code that plays by these weights, see :func:`own_code`."""
+        return own_code(self._named, self.path)
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.

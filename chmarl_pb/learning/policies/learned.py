@@ -1,6 +1,8 @@
 """Checkpoints of learners that play, as policies."""
 
+import warnings
 from collections.abc import Sequence
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +24,10 @@ from chmarl_pb.learning.policies.checks import (
     check_size,
     differences,
     image_size_of,
+    lacking_own_parts,
     silenced,
 )
+from chmarl_pb.learning.policies.own_code import own_code
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.rollouts.collect import Explorer, greedy
 from chmarl_pb.learning.spaces import spaces_of
@@ -76,12 +80,18 @@ class ValuePolicies:
         Raises:
             CheckpointError: it is damaged, or of another kind.
         """
-        self.path = path
+        self.path, self._told = path, set[str]()
         with reading(path):
-            setting = load(path, "value")["setting"]
+            content = load(path, "value")
+            setting, self._named = content["setting"], {**content["config"], "algorithm": content["algorithm"]}
             goal = {GOAL: True} if setting.get(GOAL) else {}
             self.rules: dict[str, Any] = {**setting.get(RULES, {}), **image_size_of(setting), **goal}
             Options(**self.rules)  # a later version may know other rules
+
+    @property
+    def code(self) -> tuple[Any, ...]:
+        """The user's own code that plays by these weights, see :func:`own_code`."""
+        return own_code(self._named, self.path)
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.
@@ -106,10 +116,17 @@ class ValuePolicies:
             raise CheckpointError(f"{self.path}: was trained with other observations, {other}")
         if content["actions"] != actions:
             raise CheckpointError(f"{self.path}: was trained with the actions {content['actions']}, not {actions}")
+        self._tell(lacking_own_parts(env.options, content["setting"], self.path))
         agents = make_agents(observations, actions, config)
         fill(agents, content["agents"], self.path)
         agents.requires_grad_(False).eval()
         return BatchOfOne(ValuePolicy(agents, silenced(content["setting"]), encoder))
+
+    def _tell(self, warning: str) -> None:
+        """Warn once, not for each robot; processes that help this one are silent, as this one has said it."""
+        if warning and warning not in self._told and parent_process() is None:
+            self._told.add(warning)
+            warnings.warn(warning, stacklevel=2)
 
     def _config(self, content: dict[str, Any]) -> RunConfig:
         try:

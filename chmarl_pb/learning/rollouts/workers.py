@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import torch
-from gymnasium.vector.utils import CloudpickleWrapper
 from torch import nn
 
+from chmarl_pb.envs.vector.sending import pickled
 from chmarl_pb.learning.rollouts.collect import Choose, Collector
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.processes import pools, submitted
@@ -54,14 +54,14 @@ def rollouts_of(
         check: called while others are waited for; may raise an error to end the rollout.
 
     Raises:
-        ValueError: the environment cannot be sent to other processes.
+        OptionError: the environment cannot be sent to other processes.
         WorkerError: one of them died, or none can be started.
     """
     if workers == 1:
         yield _Here(collector)
         return
     with pools(workers - 1, 1) as executors:
-        yield _Shared(collector, _pickled(make, "the environment"), executors, threads, check)
+        yield _Shared(collector, pickled(make, "the environment"), executors, threads, check)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class _Shared:
     ) -> list[Episode]:
         own, *others = ([int(seed) for seed in share] for share in np.array_split(seeds, len(self.executors) + 1))
         streams = [int(number) for number in rng.integers(2**63, size=len(others) + 1)]
-        player = _pickled((copy.deepcopy(agents).cpu(), choose), "the agents")
+        player = pickled((copy.deepcopy(agents).cpu(), choose), "the agents")
         names = self.collector.interface.agents
         played = [
             submitted(executor, _play_share, self.make, self.threads, names, player, stream, share)
@@ -130,17 +130,3 @@ def _play_share(
 def _collector(make: bytes, envs: int) -> Collector:
     collector: Collector = pickle.loads(make).fn(envs)  # lives as long as its process
     return collector
-
-
-def _pickled(content: Any, name: str) -> bytes:
-    """Return what another process can read, functions and classes of scripts and notebooks as well.
-
-    Raises:
-        ValueError: it cannot be sent.
-    """
-    try:
-        return pickle.dumps(CloudpickleWrapper(content))
-    except (pickle.PicklingError, AttributeError, TypeError, RuntimeError) as error:
-        raise ValueError(
-            f"{name} cannot be sent to other processes ({error}); keep what cannot be copied out, or give workers=1"
-        ) from error

@@ -23,6 +23,7 @@ from chmarl_pb.learning.networks.frozen import FrozenEncoder, trained_with
 from chmarl_pb.learning.networks.kept_features import feature_space
 from chmarl_pb.learning.observation_keys import GOAL, named
 from chmarl_pb.learning.policies.checks import check_names, check_rules, check_size, image_size_of, silenced
+from chmarl_pb.learning.policies.own_code import own_code
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.sb3.config import ALGORITHMS, BEFORE_PRESETS, PRESETS, Config
 from chmarl_pb.learning.sb3.policy import Sb3Policy, flat_counts
@@ -62,6 +63,7 @@ class Sb3Policies:
         """Remember the path of a model."""
         self.path = path
         config = read_model(path)[0]
+        self._named = {"graph_pool": config.graph_pool, "image_encoder": config.image_encoder}
         # As `evaluate` asks; where pictures are observed, the others are told what is in view, as in training.
         self.deterministic, self.centralized = not config.sampled, not config.alone
         self.privileged = config.alone and config.observation == "visual"
@@ -73,6 +75,11 @@ class Sb3Policies:
             self.rules["max_steps"] = config.max_steps
         if PRESETS[config.preset].goal:
             self.rules[GOAL] = True
+
+    @property
+    def code(self) -> tuple[Any, ...]:
+        """The user's own code that plays by these weights, see :func:`own_code`."""
+        return own_code(self._named, self.path)
 
     def __call__(self, env: HouseholdEnv) -> Policy:
         """Return the policy for an environment.

@@ -1,11 +1,13 @@
 """The processes of a vector of environments: their errors and deaths, and that nothing of them stays behind."""
 
 import gc
+import multiprocessing
 import os
 import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -15,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium import spaces
 from gymnasium.error import ClosedEnvironmentError
 from hypothesis import given
 from hypothesis import strategies as st
@@ -45,6 +48,48 @@ def gone(pid: int, patience: float = 10) -> bool:
 
 def pids(env: Any) -> list[int]:
     return [process.pid for process in env._engine._processes]
+
+
+class Held:
+    """A sensor with what cannot be pickled, or says so in a way of its own."""
+
+    def __init__(self, error: Exception | None = None):
+        self.lock, self.error = threading.Lock(), error
+
+    def __getstate__(self) -> Any:
+        if self.error:
+            raise self.error
+        return vars(self)
+
+    def spaces(self) -> dict[str, Any]:
+        return {"held": spaces.Box(0, 1, (1,), np.float32)}
+
+    def observe(self, view: Any) -> dict[str, Any]:
+        return {"held": np.zeros(1, np.float32)}
+
+
+@pytest.mark.parametrize(
+    ("observation", "reason"),
+    [
+        (Held(), "cannot pickle '_thread.lock' object"), (("scene_graph", Held()), "cannot pickle"),
+        (Held(RuntimeError("not to be\ncopied")), r"\(not to be copied\)"), (Held(KeyError()), r"\(KeyError\)"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("more", [{}, {"batch_size": 2}])
+def test_what_cannot_be_sent_to_workers_is_told(observation: Any, reason: str, more: dict[str, Any]) -> None:
+    words = rf"^the environment cannot be sent to other processes, as observation={__name__}:Held holds what cannot be "
+    with pytest.raises(OptionError, match=rf"{words}pickled .*{reason}.*; keep .*, or give workers=1$"):
+        vector_env(4, observation=observation, workers=2, **more)
+    assert not multiprocessing.active_children()
+    lock = threading.Lock()
+    with pytest.raises(OptionError, match=r"^the environment cannot be sent to other processes \(cannot pickle"):
+        vector_env(4, lambda: (lock, ToyEnv())[1], workers=2)
+
+
+def test_in_one_process_nothing_is_sent() -> None:
+    lock = threading.Lock()
+    with closing(vector_env(2, lambda: (lock, ToyEnv())[1], workers=1)) as env:
+        assert env.reset(seed=0)
 
 
 def harm(action: int) -> np.ndarray:
