@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Column, Table
 
 from chmarl_pb.cli.arguments import (
@@ -21,7 +20,7 @@ from chmarl_pb.cli.arguments import (
     output_folder,
     verbs,
 )
-from chmarl_pb.cli.output import add_json, say, tell
+from chmarl_pb.cli.output import Screen, add_json, say, tell
 from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
 from chmarl_pb.data.read import Dataset, find_datasets
@@ -214,4 +213,4 @@ def _column(name: str) -> Column:
 
 
 def _print(table: Table) -> None:
-    Console(width=None if sys.stdout.isatty() else 110).print(table)
+    Screen(width=None if sys.stdout.isatty() else 110).print(table)

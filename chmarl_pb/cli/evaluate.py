@@ -25,7 +25,7 @@ from chmarl_pb.cli.arguments import (
     given_rules,
     seeds_of,
 )
-from chmarl_pb.cli.output import add_json, say, tell
+from chmarl_pb.cli.output import Screen, add_json, say, tell
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
 from chmarl_pb.evaluation.cooperation import reference_scores
@@ -119,7 +119,7 @@ def run_evaluation(options: argparse.Namespace) -> int:
 
 def _show(report: Report, beside: str) -> None:
     """Print a result, and what is published of it."""
-    print_report(Console(), report)
+    print_report(Screen(), report)
     if beside:
         print(beside)
 

@@ -1,14 +1,31 @@
 """What commands print: results for people or as JSON, and beside them notes, which ``--quiet`` leaves out."""
 
 import argparse
+import errno
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
+
+from rich.console import Console
 
 from chmarl_pb.cli.arguments import STDOUT, OutputFile
+from chmarl_pb.errors import WriteError
 from chmarl_pb.files import write_atomically
 from chmarl_pb.progress import is_silent
+
+
+class Screen(Console):
+    """The standard output; where nobody reads it any more, that is an error, as it is for ``print``."""
+
+    def on_broken_pipe(self) -> NoReturn:
+        """Leave it to the program how the command ends.
+
+        Raises:
+            BrokenPipeError: always.
+        """
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
 
 def add_json(parser: argparse.ArgumentParser, value: str | None = None) -> None:
@@ -24,7 +41,9 @@ def _target(text: str) -> str:
 
 
 def tell(options: argparse.Namespace, result: Callable[[], Any], show: Callable[[], object]) -> None:
-    """Show a result to people, and write it as JSON if that is asked for.
+    """Write a result as JSON if that is asked for, and show it to people.
+
+    The file comes first, for the output may be closed or full; where it cannot be written, the result is shown yet.
 
     Args:
         options: with ``json``.
@@ -37,10 +56,23 @@ def tell(options: argparse.Namespace, result: Callable[[], Any], show: Callable[
     if options.json == STDOUT:
         print(json.dumps(result(), indent=1, ensure_ascii=False))
         return
-    show()
+    failed = None if options.json is None else _failure(Path(options.json), result())
+    try:
+        show()
+    finally:
+        if failed is not None:
+            raise failed
     if options.json is not None:
-        write_atomically(Path(options.json), json.dumps(result(), indent=1, ensure_ascii=False) + "\n")
         say(options.json)
+
+
+def _failure(path: Path, result: Any) -> WriteError | None:
+    """Write a result; return why it could not be written."""
+    try:
+        write_atomically(path, json.dumps(result, indent=1, ensure_ascii=False) + "\n")
+    except WriteError as error:
+        return error
+    return None
 
 
 def say(note: object) -> None:

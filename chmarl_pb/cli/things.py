@@ -68,10 +68,12 @@ def _add(options: argparse.Namespace) -> int:
     )  # fmt: skip
     catalog, thing = add_thing(options.file, wish, options.catalog)
     row = catalog.classes[options.name]
+    if options.out is not None:
+        preview_model(options.catalog.parent / f"{row.name}.urdf", options.out)
     for label, value in _sheet(catalog, row, thing):
         print(f"{label:10} {value}")
     if options.out is not None:
-        print(preview_model(options.catalog.parent / f"{row.name}.urdf", options.out))
+        print(options.out)
     count = len(catalog.rows) - len(BENCHMARK.rows)
     print(f"{options.catalog}: {count} own class{'' if count == 1 else 'es'}")
     return 0
