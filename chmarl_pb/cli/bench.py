@@ -14,7 +14,7 @@ from rich.table import Table
 from chmarl_pb import __version__
 from chmarl_pb.bench.figures import Row, chosen, measure
 from chmarl_pb.bench.playing import Effort
-from chmarl_pb.cli.output import Screen, add_json, tell
+from chmarl_pb.cli.output import Screen, add_json, has, tell
 from chmarl_pb.errors import OptionError
 from chmarl_pb.progress import LateProgress
 
@@ -22,7 +22,7 @@ from chmarl_pb.progress import LateProgress
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
     parser.set_defaults(run=run)
-    add_json(parser)
+    add_json(parser, has("version", "machine", "figures"))
     parser.add_argument(
         "--only", action="append", metavar="NAME", help="only figures whose name contains this; may be repeated"
     )

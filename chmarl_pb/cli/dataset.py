@@ -20,7 +20,7 @@ from chmarl_pb.cli.arguments import (
     output_folder,
     verbs,
 )
-from chmarl_pb.cli.output import Screen, add_json, say, tell
+from chmarl_pb.cli.output import Screen, add_json, each, has, say, tell
 from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
 from chmarl_pb.data.read import Dataset, find_datasets
@@ -73,8 +73,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         "chmarl-pb dataset stats --json stats.json",
     )
     stats.set_defaults(run=print_statistics)
-    add_json(stats)
-    add_json(verifying)
+    add_json(stats, has("tasks", "datasets", "language"))
+    add_json(verifying, each(has("replayed", "episodes")))
     for verb in (making, verifying, stats):
         verb.add_argument(
             "--out", type=output_folder, metavar="DIR", help="folder of data sets (default: Minari's own)"

@@ -34,7 +34,7 @@ from chmarl_pb.evaluation.gain import gain_of, interval_text, points
 from chmarl_pb.evaluation.intervals import are_drawn
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
-from chmarl_pb.evaluation.result import Report
+from chmarl_pb.evaluation.result import Report, is_summary
 from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.evaluation.tables import notes_of, where_of
 from chmarl_pb.limits import whole_number
@@ -66,7 +66,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--env", metavar="M:C", help="module:callable that takes parallel_env's options and returns it in wrappers"
     )
-    add_json(parser)
+    add_json(parser, is_summary)
     parser.add_argument("--label", metavar="NAME", help="row of the report (default: the policy)")
     parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
     parser.add_argument(

@@ -12,8 +12,12 @@ from rich.console import Console
 
 from chmarl_pb.cli.arguments import STDOUT, OutputFile
 from chmarl_pb.errors import WriteError
+from chmarl_pb.evaluation.json_file import check_own
 from chmarl_pb.files import write_atomically
 from chmarl_pb.progress import is_silent
+
+#: Tells of what a JSON file holds whether a command has written it.
+IsOwn = Callable[[Any], bool]
 
 
 class Screen(Console):
@@ -28,16 +32,49 @@ class Screen(Console):
         raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
 
-def add_json(parser: argparse.ArgumentParser, value: str | None = None) -> None:
-    """Add the option that writes the result as JSON; with a ``value`` it may stand without one, and means that."""
+def add_json(parser: argparse.ArgumentParser, is_own: IsOwn, value: str | None = None) -> None:
+    """Add the option that writes the result as JSON; with a ``value`` it may stand without one, and means that.
+
+    Args:
+        parser: of the command.
+        is_own: tells which files the command may write anew.
+        value: what the option means without one.
+    """
     parser.add_argument(
         "--json", type=_target, metavar="FILE", nargs="?" if value else None, const=value,
         help="write the result as JSON, too; - prints it in place of all else, as with --quiet",
     )  # fmt: skip
+    parser.set_defaults(own_json=(is_own, f"what {parser.prog} --json writes"))
 
 
 def _target(text: str) -> str:
     return text if text == STDOUT else str(OutputFile(".json")(text))
+
+
+def has(*keys: str) -> IsOwn:
+    """Return what knows objects that have these keys."""
+    return lambda found: isinstance(found, dict) and found.keys() >= set(keys)
+
+
+def each(is_own: IsOwn) -> IsOwn:
+    """Return what knows lists and objects of such values."""
+
+    def holds(found: Any) -> bool:
+        values = found.values() if isinstance(found, dict) else found if isinstance(found, list) else ()
+        return bool(values) and all(map(is_own, values))
+
+    return holds
+
+
+def check_json(options: argparse.Namespace) -> None:
+    """Refuse to write the JSON of a command over a file that holds something else.
+
+    Raises:
+        OptionError: so it is.
+    """
+    target = getattr(options, "json", None)
+    if target not in (None, STDOUT):
+        check_own(Path(target), *options.own_json)
 
 
 def tell(options: argparse.Namespace, result: Callable[[], Any], show: Callable[[], object]) -> None:

@@ -11,6 +11,7 @@ from importlib import import_module
 
 from chmarl_pb import __version__
 from chmarl_pb.cli.arguments import STDOUT, add_verb, check_outputs
+from chmarl_pb.cli.output import check_json
 from chmarl_pb.errors import ChmarlError, MissingExtraError
 from chmarl_pb.progress import silence
 from chmarl_pb.signals import Interrupted, handled, reader_gone
@@ -77,6 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = parser_of(given).parse_args(given)
         check_outputs(options)
+        check_json(options)
         quiet = options.quiet or getattr(options, "json", None) == STDOUT
         with handled(), silence() if quiet else nullcontext():
             code = int(options.run(options))

@@ -7,7 +7,7 @@ from typing import Any
 
 from chmarl_pb.catalog import BENCHMARK, Catalog, ThingClass
 from chmarl_pb.cli.arguments import OutputFile, add_verb, verbs
-from chmarl_pb.cli.output import add_json, tell
+from chmarl_pb.cli.output import add_json, each, has, tell
 from chmarl_pb.homes.catalog_file import KEYS, load_catalog
 from chmarl_pb.homes.imports import AXES, Wish, add_thing
 from chmarl_pb.homes.things import Thing
@@ -48,7 +48,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "chmarl-pb things list --catalog my_things.toml",
     )
     listing.set_defaults(run=_list)
-    add_json(listing)
+    add_json(listing, each(has("id", "kind", "name", "synonyms")))
     checking = add_verb(
         all_verbs, "check", "check a catalogue file and all that it names", "chmarl-pb things check my_things.toml"
     )
