@@ -16,6 +16,7 @@ from chmarl_pb.cli.arguments import (
     add_robots,
     add_verb,
     add_workers,
+    check_used,
     chosen_executor,
     output_folder,
     verbs,
@@ -30,7 +31,7 @@ from chmarl_pb.data.verify import chosen, verify
 from chmarl_pb.envs.options import OBSERVATIONS
 from chmarl_pb.errors import DatasetError
 from chmarl_pb.progress import progress_bar
-from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
+from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, STREAM, load_tasks
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -90,7 +91,11 @@ def generate_datasets(options: argparse.Namespace) -> int:
         DatasetError: another data set of this name is in the folder.
     """
     root = options.out or default_root()
+    if options.home is not None:
+        check_used(options, {"split": None}, "is not played where --home is")
     chosen = options.split or (BENCHMARK_SPLITS if options.home is None else ("train",))
+    if not options.noise and options.home is None and STREAM not in chosen:
+        check_used(options, {"seed": 0}, "is for --noise, and for tasks that are drawn (--home, --split generated)")
     modes = OBSERVATIONS if options.observation == "both" else (options.observation,)
     recipes = [
         Recipe(split, mode, options.noise, options.seed, options.limit, options.robots, options.home, options.catalog)
