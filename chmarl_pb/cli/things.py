@@ -8,10 +8,11 @@ from typing import Any
 from chmarl_pb.catalog import BENCHMARK, Catalog, ThingClass
 from chmarl_pb.cli.arguments import OutputFile, add_verb, verbs
 from chmarl_pb.cli.output import add_json, each, has, tell
-from chmarl_pb.homes.catalog_file import KEYS, load_catalog
+from chmarl_pb.homes.catalog_file import KEYS
 from chmarl_pb.homes.imports import AXES, Wish, add_thing
 from chmarl_pb.homes.things import Thing
 from chmarl_pb.rendering.preview import preview_model
+from chmarl_pb.tasks.language.own_names import load_things
 
 _CATALOG = Path("my_things.toml")
 
@@ -66,7 +67,7 @@ def _add(options: argparse.Namespace) -> int:
         options.name, options.kind, options.scale, options.up, options.mass,
         tuple(options.names), tuple(options.held_out), tuple(options.states),
     )  # fmt: skip
-    catalog, thing = add_thing(options.file, wish, options.catalog)
+    catalog, thing = add_thing(options.file, wish, options.catalog, load_things)
     row = catalog.classes[options.name]
     if options.out is not None:
         preview_model(options.catalog.parent / f"{row.name}.urdf", options.out)
@@ -93,7 +94,7 @@ def _sheet(catalog: Catalog, row: ThingClass, thing: Thing) -> list[tuple[str, s
 
 def _list(options: argparse.Namespace) -> int:
     """Print all classes."""
-    catalog = BENCHMARK if options.catalog is None else load_catalog(options.catalog)
+    catalog = BENCHMARK if options.catalog is None else load_things(options.catalog)
     rows = [
         {"id": catalog.class_ids[row.name], "kind": row.kind, "name": row.name, "synonyms": list(row.synonyms)}
         for row in catalog.rows
@@ -109,6 +110,6 @@ def _print_classes(rows: list[dict[str, Any]]) -> None:
 
 def _check(options: argparse.Namespace) -> int:
     """Read a catalogue file, which says what is wrong with it."""
-    own = load_catalog(options.catalog).rows[len(BENCHMARK.rows) :]
+    own = load_things(options.catalog).rows[len(BENCHMARK.rows) :]
     print(f"{options.catalog}: good: {', '.join(f'{row.name} ({row.kind})' for row in own)}")
     return 0
