@@ -16,6 +16,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from chmarl_pb.signals import let_go
+
 T = TypeVar("T")
 
 _silent: ContextVar[bool] = ContextVar("silent", default=False)
@@ -36,12 +38,25 @@ def is_silent() -> bool:
     return _silent.get()
 
 
+class _Notes(Console):
+    """The standard error; where nobody reads it any more, the work goes on without a bar."""
+
+    def __init__(self) -> None:
+        """Show what is printed there."""
+        super().__init__(stderr=True)
+
+    def on_broken_pipe(self) -> None:
+        """Show no more."""
+        self.quiet = True
+        let_go(self.file)
+
+
 class LateProgress(Progress):
     """A progress bar that is not shown before something calls ``update`` or ``advance``; by default on stderr."""
 
     def __init__(self, *columns: Any, **options: Any):
         """Make a bar; see :class:`rich.progress.Progress`."""
-        super().__init__(*columns, **{"console": Console(stderr=True)} | options)
+        super().__init__(*columns, **{"console": _Notes()} | options)
         self._never = is_silent()
 
     def __enter__(self) -> "LateProgress":
@@ -84,4 +99,4 @@ def progress_bar() -> LateProgress:
 def run_bar(quiet: bool = False) -> Progress:
     """Return the bar of a training, on stderr, which is shown from the start unless ``quiet``."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, TimeRemainingColumn(), disable=quiet, console=Console(stderr=True))
+    return Progress(*columns, TimeRemainingColumn(), disable=quiet, console=_Notes())

@@ -1,11 +1,15 @@
 """Signals that end a process, raised as an error that unwinds what it has begun, or handled in another way."""
 
+import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import IO
 
+_PIPE = 13  # the number of SIGPIPE, which not every system has
 _NUMBERS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
@@ -45,3 +49,20 @@ def handled(handler: Callable[[int, FrameType | None], None] = _raise) -> Iterat
     finally:
         for number, known in before.items():
             signal.signal(number, known)
+
+
+def reader_gone() -> int:
+    """Return the exit code of a command whose output nobody reads any more, as ``head`` leaves it; nothing is said.
+
+    It is that of a program which the signal SIGPIPE ends.
+    """
+    let_go(sys.stdout)
+    return 128 + _PIPE
+
+
+def let_go(stream: IO[str]) -> None:
+    """Let what a stream holds and gets yet go nowhere, as nobody reads it any more."""
+    with suppress(OSError, ValueError):  # it is no file, or closed
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)

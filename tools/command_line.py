@@ -22,14 +22,16 @@ _HEAD = """# The command line
 
 Every command has `--help`, ends with exit code 0 on success, 1 if a check failed, 2 on bad input, 128 + N when stopped
 by the signal N, and tells what is wrong in one line on the standard error, where progress bars of long work show, too.
+Where nobody reads its output any more, as after `| head`, it ends quietly, with 141 (SIGPIPE).
 
 - `--quiet`: no progress bars and no notes; results and errors alone.
 - `--json FILE`, where a command reports a result, writes it as JSON, too. `--json -` prints it on the standard output,
-  and nothing else there: `chmarl-pb evaluate --policy search --json - | jq .summary.success_rate.mean`. Single episodes
-  are in the file of `--out`.
+  and nothing else there: `chmarl-pb evaluate --policy search --json - | jq .summary.success_rate.mean`. The file is
+  written before anything is shown. Of an evaluation it is a summary; single episodes are in the file of `--out`, which
+  `report` reads.
 - No command writes over a file that it reads, and what it writes has the ending of its kind: `.json`, `.html`, `.png`,
-  `.urdf`. `--out` of `evaluate`, `audit` and `episode save` writes anew only what they have
-  written themselves; `--json FILE` any file.
+  `.urdf`. `--json FILE`, and `--out` of `evaluate`, `audit` and `episode save`, write anew only what the same command
+  has written.
 - A policy is a built-in name, that of [weights that come with the package](play.md#watch-without-training), the path of
   a checkpoint, or `module:callable`.
 

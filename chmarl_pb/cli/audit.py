@@ -20,7 +20,7 @@ from chmarl_pb.cli.evaluate import interval, number, percent
 from chmarl_pb.cli.output import add_json, tell
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK
 from chmarl_pb.evaluation.audit import audit
-from chmarl_pb.evaluation.audit_file import Audit, Line
+from chmarl_pb.evaluation.audit_file import FORMAT, Audit, Line
 from chmarl_pb.fingerprint import sha256_of
 from chmarl_pb.progress import progress_bar
 
@@ -31,7 +31,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_rules(parser)
     add_played(parser)
     parser.add_argument("--task", action="append", metavar="ID", help="play this task only; may be repeated")
-    add_json(parser, STDOUT)
+    add_json(parser, lambda found: isinstance(found, dict) and found.get("format") == FORMAT, STDOUT)
     parser.add_argument(
         "--out", type=OutputFile(".json"), metavar="JSON",
         help="write the audit here, and the results of its rows beside it (default: out/audit/TRACK-SPLIT.json, "

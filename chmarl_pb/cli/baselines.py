@@ -9,13 +9,13 @@ from rich.progress import Progress, TaskID
 
 from chmarl_pb.cli.arguments import add_seeds, add_track, add_workers, chosen_executor, output_folder, seeds_of
 from chmarl_pb.cli.evaluate import interval, number, percent
-from chmarl_pb.cli.output import add_json, tell
+from chmarl_pb.cli.output import add_json, each, tell
 from chmarl_pb.envs.tracks import GROUNDED, MAX_STEPS, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import reference_json
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.protocol import evaluate
-from chmarl_pb.evaluation.result import Report
+from chmarl_pb.evaluation.result import Report, is_summary
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.progress import progress_bar
@@ -36,7 +36,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--policy", action="append", choices=list(BUILT_IN), help="this one (default: all); may be repeated"
     )
     add_track(parser)
-    add_json(parser)
+    add_json(parser, each(each(is_summary)))  # split -> policy -> its summary
     add_seeds(parser)
     add_workers(parser)
     parser.add_argument(

@@ -14,7 +14,7 @@ from rich.table import Table
 from chmarl_pb import __version__
 from chmarl_pb.bench.figures import Row, chosen, measure
 from chmarl_pb.bench.playing import Effort
-from chmarl_pb.cli.output import add_json, tell
+from chmarl_pb.cli.output import Screen, add_json, has, tell
 from chmarl_pb.errors import OptionError
 from chmarl_pb.progress import LateProgress
 
@@ -22,7 +22,7 @@ from chmarl_pb.progress import LateProgress
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options to a parser."""
     parser.set_defaults(run=run)
-    add_json(parser)
+    add_json(parser, has("version", "machine", "figures"))
     parser.add_argument(
         "--only", action="append", metavar="NAME", help="only figures whose name contains this; may be repeated"
     )
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
                 rows += measure(figure, effort, lambda: progress.advance(task))
     finally:
         if rows:
-            tell(options, lambda: _facts(rows), lambda: wide_console().print(_table(rows)))
+            tell(options, lambda: _facts(rows), lambda: wide_console(Screen).print(_table(rows)))
     return 0
 
 
@@ -75,9 +75,9 @@ def _table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def wide_console() -> Console:
+def wide_console(kind: type[Console] = Console) -> Console:
     """Return a console that gives tables room where the output is no terminal."""
-    return Console() if sys.stdout.isatty() else Console(width=120)
+    return kind() if sys.stdout.isatty() else kind(width=120)
 
 
 def readable(value: float) -> str:

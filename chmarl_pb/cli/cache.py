@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Column, Table
 
 from chmarl_pb.cli.arguments import WORKERS, add_workers, check_used, chosen_executor
+from chmarl_pb.cli.output import Screen
 from chmarl_pb.errors import OptionError
 from chmarl_pb.executors import Executor, Local
 from chmarl_pb.files import cache_folder
@@ -120,4 +120,4 @@ def _print_table(entries: list[Entry]) -> None:
         used = datetime.fromtimestamp(entry.used).strftime("%Y-%m-%d %H:%M")
         what = entry.path.stem.rpartition("_")[0]
         table.add_row(what, f"{entry.bytes / _MB:,.1f}", used)
-    Console().print(table)
+    Screen().print(table)

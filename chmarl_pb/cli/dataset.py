@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Column, Table
 
 from chmarl_pb.cli.arguments import (
@@ -17,11 +16,12 @@ from chmarl_pb.cli.arguments import (
     add_robots,
     add_verb,
     add_workers,
+    check_used,
     chosen_executor,
     output_folder,
     verbs,
 )
-from chmarl_pb.cli.output import add_json, say, tell
+from chmarl_pb.cli.output import Screen, add_json, each, has, say, tell
 from chmarl_pb.data import statistics
 from chmarl_pb.data.generate import generate
 from chmarl_pb.data.read import Dataset, find_datasets
@@ -31,7 +31,7 @@ from chmarl_pb.data.verify import chosen, verify
 from chmarl_pb.envs.options import OBSERVATIONS
 from chmarl_pb.errors import DatasetError
 from chmarl_pb.progress import progress_bar
-from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, load_tasks
+from chmarl_pb.tasks.splits import BENCHMARK_SPLITS, STREAM, load_tasks
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -74,8 +74,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         "chmarl-pb dataset stats --json stats.json",
     )
     stats.set_defaults(run=print_statistics)
-    add_json(stats)
-    add_json(verifying)
+    add_json(stats, has("tasks", "datasets", "language"))
+    add_json(verifying, each(has("replayed", "episodes")))
     for verb in (making, verifying, stats):
         verb.add_argument(
             "--out", type=output_folder, metavar="DIR", help="folder of data sets (default: Minari's own)"
@@ -91,7 +91,11 @@ def generate_datasets(options: argparse.Namespace) -> int:
         DatasetError: another data set of this name is in the folder.
     """
     root = options.out or default_root()
+    if options.home is not None:
+        check_used(options, {"split": None}, "is not played where --home is")
     chosen = options.split or (BENCHMARK_SPLITS if options.home is None else ("train",))
+    if not options.noise and options.home is None and STREAM not in chosen:
+        check_used(options, {"seed": 0}, "is for --noise, and for tasks that are drawn (--home, --split generated)")
     modes = OBSERVATIONS if options.observation == "both" else (options.observation,)
     recipes = [
         Recipe(split, mode, options.noise, options.seed, options.limit, options.robots, options.home, options.catalog)
@@ -214,4 +218,4 @@ def _column(name: str) -> Column:
 
 
 def _print(table: Table) -> None:
-    Console(width=None if sys.stdout.isatty() else 110).print(table)
+    Screen(width=None if sys.stdout.isatty() else 110).print(table)

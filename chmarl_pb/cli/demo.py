@@ -17,6 +17,7 @@ from chmarl_pb.cli.arguments import (
     check_home,
     output_folder,
 )
+from chmarl_pb.cli.output import Screen
 from chmarl_pb.envs.options import OBSERVATIONS
 from chmarl_pb.envs.tracks import MAX_STEPS
 from chmarl_pb.evaluation.drawn import draw_tasks
@@ -85,7 +86,7 @@ def demo(task: str | Task | None, observation: str, out: Path, policy: str = "pl
         OptionError: an option is unknown, or the folder cannot be written to.
     """
     chosen = choose_task() if task is None else find_task(task) if isinstance(task, str) else task
-    folder, console = open_folder(out), Console()
+    folder, console = open_folder(out), Screen()
     with _progress(console) as progress, compiling():
         bar = progress.add_task("Playing", total=chosen.optimal_steps if policy == "planner" else MAX_STEPS)
         recording = record(chosen, observation, policy, lambda: progress.advance(bar), **options)
@@ -105,7 +106,7 @@ def show_episode(file: EpisodeFile, out: Path, film: bool = True, name: str = "d
     Raises:
         OptionError: the folder cannot be written to.
     """
-    folder, console = open_folder(out), Console()
+    folder, console = open_folder(out), Screen()
     with _progress(console) as progress:
         bar = progress.add_task("Playing", total=len(file.actions))
         recording = record_file(file, lambda: progress.advance(bar))

@@ -36,11 +36,11 @@ def _run(options: argparse.Namespace) -> int:
         for name, value in golden.digests():
             found[name] = value
             bar.advance(row)
+    if options.record:
+        golden.record(options.record, found)
     different = [name for name, value in found.items() if known["digests"].get(name) != value]
     for name, value in found.items():
         print(f"{'DIFFERS' if name in different else 'equal  '}  {value[:16]}  {name}")
-    if options.record:
-        golden.record(options.record, found)
     if different:
         print(
             f"{len(different)} of {len(found)} rollouts differ from those of {_named(known['machine'])}: equal seeds "

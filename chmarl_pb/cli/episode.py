@@ -15,7 +15,7 @@ from chmarl_pb.cli.arguments import (
     verbs,
 )
 from chmarl_pb.cli.demo import show_episode
-from chmarl_pb.cli.output import add_json, tell
+from chmarl_pb.cli.output import add_json, has, tell
 from chmarl_pb.cli.playing import add_playing, played, task_of
 from chmarl_pb.errors import ActionError, OptionError, ResultError
 from chmarl_pb.evaluation.episode_file import FORMAT, EpisodeFile, load_episode, replay_episode, save_episode
@@ -42,7 +42,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         all_verbs, "replay", "play a file again and compare every state", "chmarl-pb episode replay episode.json"
     )
     replaying.set_defaults(run=replay)
-    add_json(replaying)
+    add_json(replaying, has("file", "same", "success", "steps"))
     showing = add_verb(
         all_verbs,
         "show",

@@ -25,16 +25,17 @@ from chmarl_pb.cli.arguments import (
     given_rules,
     seeds_of,
 )
-from chmarl_pb.cli.output import add_json, say, tell
+from chmarl_pb.cli.output import Screen, add_json, say, tell
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
+from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.gain import gain_of, interval_text, points
 from chmarl_pb.evaluation.intervals import are_drawn
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.protocol import evaluate
-from chmarl_pb.evaluation.result import Report
+from chmarl_pb.evaluation.result import Report, is_summary
 from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.evaluation.tables import notes_of, where_of
 from chmarl_pb.limits import whole_number
@@ -66,7 +67,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--env", metavar="M:C", help="module:callable that takes parallel_env's options and returns it in wrappers"
     )
-    add_json(parser)
+    add_json(parser, is_summary)
     parser.add_argument("--label", metavar="NAME", help="row of the report (default: the policy)")
     parser.add_argument(
         "--check-seats", action="store_true",
@@ -84,6 +85,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run_evaluation(options: argparse.Namespace) -> int:
     """Evaluate a policy, print its metrics, and write them to a file if one is given; see ``evaluate``."""
     check_home(options)
+    _refuse_idle(options)
     source = find_policy(options.policy)
     rules = rules_with(source.rules, given_rules(options) | given_of(options))
     tasks, track = options.task, rules.get("track", PAPER)
@@ -99,8 +101,6 @@ def run_evaluation(options: argparse.Namespace) -> int:
             track=track,
         )
         where = options.home
-    else:
-        check_used(options, {"draw": None}, "is the number of tasks for --home")
     with chosen_executor(options) as executor, progress_bar() as bar:
         row = bar.add_task(f"{options.policy} on {where}", total=None)
 
@@ -121,9 +121,26 @@ def run_evaluation(options: argparse.Namespace) -> int:
     return 0
 
 
+def _refuse_idle(options: argparse.Namespace) -> None:
+    """Refuse options that would change nothing.
+
+    Raises:
+        OptionError: one of them is given.
+    """
+    if options.home is not None:
+        check_used(options, {"split": OF_TRACK}, "is not played where --home is")
+    else:
+        check_used(options, {"draw": None}, "is the number of tasks for --home")
+    if options.label is not None and options.out is None and options.json is None:
+        raise OptionError(
+            f"label={options.label!r} names a row of reports, which are made of files of --out; give --out, too, or "
+            "leave out --label"
+        )
+
+
 def _show(report: Report, beside: str) -> None:
     """Print a result, and what is published of it."""
-    print_report(Console(), report)
+    print_report(Screen(), report)
     if beside:
         print(beside)
 

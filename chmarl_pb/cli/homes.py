@@ -8,7 +8,7 @@ from typing import Any
 from chmarl_pb.catalog import room_of
 from chmarl_pb.cli.arguments import OutputFile, add_catalog, add_verb, catalog_of, verbs
 from chmarl_pb.cli.authoring import add_authoring
-from chmarl_pb.cli.output import add_json, say, tell
+from chmarl_pb.cli.output import add_json, each, has, say, tell
 from chmarl_pb.homes.home import home_names, home_path, load_home
 from chmarl_pb.homes.layout import STYLES
 from chmarl_pb.navigation.check import HomeReport
@@ -21,12 +21,12 @@ def add(parser: argparse.ArgumentParser) -> None:
     all_verbs = verbs(parser)
     listing = add_verb(all_verbs, "list", "list the homes that come with the package", "chmarl-pb homes list")
     listing.set_defaults(run=_list)
-    add_json(listing)
+    add_json(listing, each(has("name", "area", "things", "file")))
     check = add_verb(
         all_verbs, "check", "check that a home can be played", "chmarl-pb homes check cabin.urdf --preview cabin.png"
     )
     check.set_defaults(run=_check)
-    add_json(check)
+    add_json(check, has("file", "playable", "problems"))
     check.add_argument(
         "--preview", type=OutputFile(".png"), metavar="PNG", help="draw the home with its problems marked"
     )

@@ -11,9 +11,10 @@ from importlib import import_module
 
 from chmarl_pb import __version__
 from chmarl_pb.cli.arguments import STDOUT, add_verb, check_outputs
+from chmarl_pb.cli.output import check_json
 from chmarl_pb.errors import ChmarlError, MissingExtraError
 from chmarl_pb.progress import silence
-from chmarl_pb.signals import Interrupted, handled
+from chmarl_pb.signals import Interrupted, handled, reader_gone
 
 #: Command -> what it does, and an example; those without one have verbs with examples. Its module, of the same name in
 #: this package, is imported when it is asked for: ``add`` puts its options into a parser, with the function that runs
@@ -77,6 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = parser_of(given).parse_args(given)
         check_outputs(options)
+        check_json(options)
         quiet = options.quiet or getattr(options, "json", None) == STDOUT
         with handled(), silence() if quiet else nullcontext():
             code = int(options.run(options))
@@ -84,6 +86,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code
     except ChmarlError as error:
         return _failed(str(error), 2)
+    except BrokenPipeError:
+        return reader_gone()
     except OSError as error:
         if error.filename is None:
             return _failed(f"the output cannot be written: {error.strerror or error}", 2)

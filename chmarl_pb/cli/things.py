@@ -7,11 +7,12 @@ from typing import Any
 
 from chmarl_pb.catalog import BENCHMARK, Catalog, ThingClass
 from chmarl_pb.cli.arguments import OutputFile, add_verb, verbs
-from chmarl_pb.cli.output import add_json, tell
-from chmarl_pb.homes.catalog_file import KEYS, load_catalog
+from chmarl_pb.cli.output import add_json, each, has, tell
+from chmarl_pb.homes.catalog_file import KEYS
 from chmarl_pb.homes.imports import AXES, Wish, add_thing
 from chmarl_pb.homes.things import Thing
 from chmarl_pb.rendering.preview import preview_model
+from chmarl_pb.tasks.language.own_names import load_things
 
 _CATALOG = Path("my_things.toml")
 
@@ -48,7 +49,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "chmarl-pb things list --catalog my_things.toml",
     )
     listing.set_defaults(run=_list)
-    add_json(listing)
+    add_json(listing, each(has("id", "kind", "name", "synonyms")))
     checking = add_verb(
         all_verbs, "check", "check a catalogue file and all that it names", "chmarl-pb things check my_things.toml"
     )
@@ -66,12 +67,14 @@ def _add(options: argparse.Namespace) -> int:
         options.name, options.kind, options.scale, options.up, options.mass,
         tuple(options.names), tuple(options.held_out), tuple(options.states),
     )  # fmt: skip
-    catalog, thing = add_thing(options.file, wish, options.catalog)
+    catalog, thing = add_thing(options.file, wish, options.catalog, load_things)
     row = catalog.classes[options.name]
+    if options.out is not None:
+        preview_model(options.catalog.parent / f"{row.name}.urdf", options.out)
     for label, value in _sheet(catalog, row, thing):
         print(f"{label:10} {value}")
     if options.out is not None:
-        print(preview_model(options.catalog.parent / f"{row.name}.urdf", options.out))
+        print(options.out)
     count = len(catalog.rows) - len(BENCHMARK.rows)
     print(f"{options.catalog}: {count} own class{'' if count == 1 else 'es'}")
     return 0
@@ -91,7 +94,7 @@ def _sheet(catalog: Catalog, row: ThingClass, thing: Thing) -> list[tuple[str, s
 
 def _list(options: argparse.Namespace) -> int:
     """Print all classes."""
-    catalog = BENCHMARK if options.catalog is None else load_catalog(options.catalog)
+    catalog = BENCHMARK if options.catalog is None else load_things(options.catalog)
     rows = [
         {"id": catalog.class_ids[row.name], "kind": row.kind, "name": row.name, "synonyms": list(row.synonyms)}
         for row in catalog.rows
@@ -107,6 +110,6 @@ def _print_classes(rows: list[dict[str, Any]]) -> None:
 
 def _check(options: argparse.Namespace) -> int:
     """Read a catalogue file, which says what is wrong with it."""
-    own = load_catalog(options.catalog).rows[len(BENCHMARK.rows) :]
+    own = load_things(options.catalog).rows[len(BENCHMARK.rows) :]
     print(f"{options.catalog}: good: {', '.join(f'{row.name} ({row.kind})' for row in own)}")
     return 0

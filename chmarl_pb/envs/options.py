@@ -13,7 +13,6 @@ from chmarl_pb.envs.own_parts import CheckedAdviser, CheckedChannel, CheckedSens
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
 from chmarl_pb.fingerprint import name_of
-from chmarl_pb.homes.catalog_file import load_catalog
 from chmarl_pb.limits import whole_number
 from chmarl_pb.rendering.registry import RENDERERS
 from chmarl_pb.robots.model import RobotModel
@@ -24,6 +23,7 @@ from chmarl_pb.sensing.sensors import CAMERA_SENSORS, SceneGraphSensor, Sensor
 from chmarl_pb.sensing.text import TextSensor
 from chmarl_pb.tasks.advisers import CRITICS, STYLES, Adviser, SpokenAdviser
 from chmarl_pb.tasks.kinds import KINDS, TaskKind
+from chmarl_pb.tasks.language.own_names import load_things
 from chmarl_pb.tasks.language.templates import REVISIONS
 from chmarl_pb.tasks.messages import Board, Channel, Silence
 from chmarl_pb.tasks.splits import SPLITS, homes_of
@@ -176,9 +176,9 @@ class Options:
         """The classes of things.
 
         Raises:
-            AssetError: the catalogue file cannot be used.
+            AssetError: the catalogue file cannot be used, or sentences cannot name its things.
         """
-        return BENCHMARK if self.catalog is None else load_catalog(self.catalog)
+        return BENCHMARK if self.catalog is None else load_things(self.catalog, self.lookalikes)
 
     @property
     def channel(self) -> Channel:

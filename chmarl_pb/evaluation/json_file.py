@@ -1,6 +1,7 @@
 """JSON files that others made: read within limits, and refused in one way whatever they hold."""
 
 import json
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,15 +23,19 @@ def read_object(path: Path | str) -> dict[str, Any]:
         FileNotFoundError: there is no such file.
         ValueError: it is no regular file of at most 64 MB, or no JSON object.
     """
-    if not Path(path).exists():
-        raise FileNotFoundError(path)
-    try:
-        data = json.loads(read_regular(path, _MOST_BYTES).decode("utf-8"), object_pairs_hook=_object)
-    except RecursionError as error:
-        raise ValueError("it is nested too deeply") from error
+    data = _read(path)
     if not isinstance(data, dict):
         raise ValueError(f"it holds {type(data).__name__}, not an object")
     return data
+
+
+def _read(path: Path | str) -> Any:
+    if not Path(path).exists():
+        raise FileNotFoundError(path)
+    try:
+        return json.loads(read_regular(path, _MOST_BYTES).decode("utf-8"), object_pairs_hook=_object)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -57,13 +62,28 @@ def check_replaceable(path: Path, kind: str, what: str) -> None:
     Raises:
         OptionError: something else is there.
     """
+    check_own(path, lambda found: isinstance(found, dict) and found.get("format") == kind, what)
+
+
+def check_own(path: Path, is_own: Callable[[Any], bool], what: str) -> None:
+    """Refuse to write over a file that was not written by whoever writes it now; an empty one is none.
+
+    Args:
+        path: to write.
+        is_own: tells of what a JSON file holds whether that may be written anew.
+        what: such a file is, for the message.
+
+    Raises:
+        OptionError: something else is there.
+    """
     try:
-        found = read_object(path).get("format")
+        if is_own(_read(path)):
+            return
     except FileNotFoundError:
         return
-    except ValueError:
-        found = None
-    if found != kind and path.stat().st_size:
+    except ValueError:  # no JSON
+        pass
+    if path.stat().st_size:
         raise OptionError(f"{path} is there already and is not {what}; name another file, or remove it")
 
 

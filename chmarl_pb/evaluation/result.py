@@ -24,6 +24,7 @@ from chmarl_pb.tasks.task import Optimum
 from chmarl_pb.tasks.tidy_task import AnyTask, task_of
 
 FORMAT = "chmarl-pb result 1"
+SUMMARY = "chmarl-pb summary 1"  # of a result without its episodes
 #: In ``run``: in how many episodes seats acted alone as they did beside each other; not there where nobody looked.
 SEATS_APART = "seats_apart"
 _OPTIONS = {one.name for one in fields(Options)} - {"home", "split", "observation"}
@@ -180,7 +181,7 @@ class Report:
         """All of it but the episodes, as plain data."""
         groups = {kind: _plain(summaries) for kind, summaries in self.per_class.items()}
         return {
-            "format": FORMAT,
+            "format": SUMMARY,
             "sha256": self.sha256,
             "settings": self.settings,
             "run": self.run,
@@ -194,9 +195,14 @@ class Report:
 
     def save(self, path: Path) -> None:
         """Write the result as JSON, whole or not at all."""
-        text = json.dumps(self.facts, indent=1)[: -len("\n}")]
+        text = json.dumps({**self.facts, "format": FORMAT}, indent=1)[: -len("\n}")]
         rows = ",\n".join(_json(episode_row(episode)) for episode in self.episodes)
         write_atomically(path, f'{text},\n "episodes": [\n{rows}\n]}}\n')
+
+
+def is_summary(found: Any) -> bool:
+    """Return whether what a JSON file holds is a summary, as ``Report.facts`` is, also of when it had no own format."""
+    return isinstance(found, dict) and found.get("format") in (SUMMARY, FORMAT) and "episodes" not in found
 
 
 def load_result(path: Path | str) -> Report:
@@ -207,10 +213,8 @@ def load_result(path: Path | str) -> Report:
     """
     try:
         data = read_object(path)
-        if str(data["format"]).startswith("chmarl-pb") and data["format"] != FORMAT:
-            raise ResultError(
-                f"{path}: is of another kind ({data['format']}); name one that `chmarl-pb evaluate --out` has written"
-            )
+        if other := _other_kind(data):
+            raise ResultError(f"{path}: is {other}; name one that `chmarl-pb evaluate --out` has written")
         if data["format"] != FORMAT:
             raise ValueError(f"its format is {data['format']!r}, not {FORMAT!r}")
         report = Report(data["settings"], data["run"], tuple(episode_of(row) for row in data["episodes"]))
@@ -228,6 +232,16 @@ def load_result(path: Path | str) -> Report:
         raise ResultError(
             f"{path}: not a whole result of an evaluation: {repr(error)[:300]}; remove it and evaluate again"
         ) from error
+
+
+def _other_kind(data: dict[str, Any]) -> str:
+    """Return what a JSON file is if not a result; "" if it is one, or a damaged one."""
+    if is_summary(data):
+        return "a summary without episodes, as --json writes it"
+    if "format" not in data:
+        return "no result of an evaluation"
+    kind = str(data["format"])
+    return f"of another kind ({kind})" if kind.startswith("chmarl-pb") and kind != FORMAT else ""
 
 
 def _check(report: Report) -> None:

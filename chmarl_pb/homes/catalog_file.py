@@ -37,6 +37,7 @@ _MOST_ROWS = 200
 _MOST_WORDS = 16  # names, states or models of a row
 _IDENTIFIER = re.compile(r"[a-z]([a-z0-9_]*[a-z])?")
 _NAME = re.compile(r"(some )?[a-z0-9]+( [a-z0-9]+){0,3}")
+_ARTICLES = ("a", "an", "the", "some")
 _STATE = re.compile(r"[a-z][a-z_]{0,30}")
 
 
@@ -201,6 +202,11 @@ class _Row:
             for key in ("names", "held_out")
         )
         names = names_of(name, shown_names, held_out)
+        for entry in names:
+            article, _, rest = entry.text.partition(" ")
+            if article in _ARTICLES:
+                hint = f"write {rest!r}" if rest else "name the thing itself"
+                raise self.error(f"the name {entry.text!r} begins with an article, which sentences add; {hint}")
         for words in (entry.text for entry in names if self.kind != "scenery"):
             if known.words.setdefault(words, name) != name:
                 raise self.error(f"names: {words!r} names a {known.words[words]}; an instruction must tell them apart")

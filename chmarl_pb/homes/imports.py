@@ -5,7 +5,7 @@ Everything is read within the limits that homes are read in, and written in the 
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -64,19 +64,22 @@ class Wish:
     states: tuple[str, ...] = ()
 
 
-def add_thing(file: Path, wish: Wish, catalog_file: Path) -> tuple[Catalog, Thing]:
+def add_thing(
+    file: Path, wish: Wish, catalog_file: Path, load: Callable[[Path], Catalog] = load_catalog
+) -> tuple[Catalog, Thing]:
     """Write a thing's URDF and meshes beside a catalogue file and its row into that; return both as they are now.
 
     Args:
         file: URDF, OBJ, STL or DAE.
         wish: what is to become of it.
         catalog_file: TOML; it is made if there is none.
+        load: reads it before and after, and says what is wrong with it.
 
     Raises:
         AssetError: the file cannot be used, the class is known already, or the catalogue file is broken.
         WriteError: the files cannot be written.
     """
-    known, order = _text(catalog_file), next_order(catalog_file)
+    known, order = _text(catalog_file, load), next_order(catalog_file)
     thing, pieces = read_file(file, wish)
     files = thing.files(wish.name) if wish.kind == "graspable" else thing.files(wish.name, pieces)
     folder, new = catalog_file.parent, [name for name in files if not (catalog_file.parent / name).exists()]
@@ -88,7 +91,7 @@ def add_thing(file: Path, wish: Wish, catalog_file: Path) -> tuple[Catalog, Thin
                 temporary.write_bytes(files[name])
         with replacing(catalog_file) as temporary:
             temporary.write_text(f"{known}{_row(wish, order)}", encoding="utf-8")
-            catalog = load_catalog(temporary)
+            catalog = load(temporary)
     except BaseException as error:
         for name in new:
             with suppress(OSError):
@@ -99,11 +102,11 @@ def add_thing(file: Path, wish: Wish, catalog_file: Path) -> tuple[Catalog, Thin
     return catalog, thing
 
 
-def _text(catalog_file: Path) -> str:
+def _text(catalog_file: Path, load: Callable[[Path], Catalog]) -> str:
     """Return what a catalogue file says now, nothing if there is none."""
     if not catalog_file.exists():
         return "# Own things; see docs/objects.md. Play with them by catalog=, --catalog or CHMARL_CATALOG.\n"
-    load_catalog(catalog_file)  # says what is wrong before anything is added
+    load(catalog_file)  # says what is wrong before anything is added
     return read_regular(catalog_file).decode().rstrip() + "\n"
 
 

@@ -94,7 +94,7 @@ class RunConfig:
     (True, 32)
 
     Attributes:
-        seed: of every random stream.
+        seed: of every random stream but the noise of the loss of ``grounding_coef``, which is the same for every seed.
         episodes: to play in all, at least: whole rollouts are played.
         envs: environments played side by side; each rollout plays one episode in each.
         workers: processes that play a rollout, each with its share of the environments and random draws of its own.

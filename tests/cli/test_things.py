@@ -88,9 +88,9 @@ def test_refused_file_leaves_nothing_behind(
 def test_second_thing_stands_after_the_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "one.urdf"
     file.write_text(urdf([shape(BOX, colour="red")], [shape(BOX)]))
-    assert add(file, "--class", "first", folder=tmp_path) == add(file, "--class", "second", folder=tmp_path) == 0
+    assert add(file, "--class", "alpha", folder=tmp_path) == add(file, "--class", "beta", folder=tmp_path) == 0
     before = (tmp_path / "things.toml").read_text()
-    assert add(file, "--class", "second", folder=tmp_path) == 2
+    assert add(file, "--class", "beta", folder=tmp_path) == 2
     assert "is there already" in capsys.readouterr().err and (tmp_path / "things.toml").read_text() == before
     ids = load_catalog(tmp_path / "things.toml").class_ids
-    assert ids["second"] == ids["first"] + 1 == 95
+    assert ids["beta"] == ids["alpha"] + 1 == 95

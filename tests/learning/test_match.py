@@ -190,6 +190,20 @@ def test_words_that_training_never_shows_are_read_by_what_lies_near() -> None:
     assert set(read[:, 1]) <= {BENCHMARK.class_ids[name] for name in BENCHMARK.receptacles}
 
 
+def test_the_noise_of_the_loss_follows_from_its_count_alone() -> None:
+    """As ``RunConfig`` says of ``seed``: two agents, or two runs, of the same weights hear the same noise."""
+    losses = list[list[float]]()
+    for seed in (0, 1):
+        with torch.random.fork_rng():
+            torch.manual_seed(7)
+            meaning = shared_map()
+            words, classes = word_table(language.vocabulary_size(), meaning), class_table(len(class_vectors()), meaning)
+            match = Match(len(classes.weight), colours=False)
+            torch.manual_seed(seed)
+            losses.append([float(match.loss(instructions("val-seen"), words, classes).detach()) for _ in range(2)])
+    assert losses[0] == losses[1] and losses[0][0] != losses[0][1]
+
+
 def instructions(split: str, wording: str = "") -> torch.Tensor:
     """Return the token ids of a split's instructions, perhaps of one wording."""
     texts = [language.instruction(task) for task in load_tasks(split)]

@@ -1,11 +1,13 @@
 """What the page says of a moment."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
 from chmarl_pb.tasks.splits import load_tasks
-from chmarl_pb.viewer.live import texts
+from chmarl_pb.tasks.task import Task
+from chmarl_pb.viewer.live import choice, texts
 from chmarl_pb.viewer.live.choice import Choice, homes_on_offer, tasks_on_offer
 from chmarl_pb.viewer.live.game import Game
 
@@ -69,3 +71,15 @@ def test_page_offers_homes_and_their_tasks() -> None:
     assert homes_on_offer("home_7") == homes_on_offer("home_1")
     assert homes_on_offer("mine.urdf")[0] == "mine.urdf"
     assert SHORT.id in tasks_on_offer("home_7") and tasks_on_offer("mine.urdf") == []
+
+
+def test_a_task_is_drawn_by_the_rules_that_it_is_played_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def drawn(home: str, *_: Any, **rules: Any) -> tuple[Task, ...]:
+        asked.append((home, rules))
+        return (SHORT,)
+
+    monkeypatch.setattr(choice, "draw_tasks", drawn)
+    Choice(home=SHORT.home, rules={"lookalikes": True}).begin().close()
+    assert asked == [(SHORT.home, {"lookalikes": True, "track": "paper"})]

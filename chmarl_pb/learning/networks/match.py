@@ -104,7 +104,11 @@ class Match(nn.Module):
         return torch.stack(losses).sum()
 
     def _blurred(self, tokens: Tensor, words: Table) -> Tensor:
-        """Return the rows of token ids, with noise where a table is made from vectors."""
+        """Return the rows of token ids, with noise where a table is made from vectors.
+
+        The noise follows from ``taught`` alone, so it is the same for every seed of a run and for every agent; several
+        trainings of other seeds do not tell how much it matters.
+        """
         if not isinstance(words, VectorTable):
             rows: Tensor = words(tokens)
             return rows

@@ -8,7 +8,7 @@ from types import FrameType
 from typing import Any
 
 from chmarl_pb.errors import ChmarlError
-from chmarl_pb.signals import Interrupted, handled
+from chmarl_pb.signals import Interrupted, handled, reader_gone
 
 EVERY = 60.0  # seconds of work that may be lost when a process is killed; checkpoints are written as often
 
@@ -66,7 +66,7 @@ class Signals:
 def run_command(work: Callable[[], int], error_type: type[Exception] = ChmarlError) -> int:
     """Do the work of a command and return its exit code; where it is not that of the work, one line says why.
 
-    It is 2 after an error, and 128 + N after the signal N.
+    It is 2 after an error, and 128 + N after the signal N, as also where nobody reads the output any more.
 
     Args:
         work: returns the exit code.
@@ -74,7 +74,11 @@ def run_command(work: Callable[[], int], error_type: type[Exception] = ChmarlErr
     """
     try:
         with handled():
-            return work()
+            code = work()
+            sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        return reader_gone()
     except (ChmarlError, OSError, error_type) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -72,7 +72,11 @@ class Choice:
             return find_task(self.task)
         if self.home is None:
             return choose_task()
-        return draw_tasks(self.home, 1, self.draw, self.catalog, self.robots, track=self.track)[0]
+        lookalikes = self.rules.get("lookalikes", OF_TRACK)
+        (task,) = draw_tasks(
+            self.home, 1, self.draw, self.catalog, self.robots, lookalikes=lookalikes, track=self.track
+        )
+        return task
 
 
 def homes_on_offer(now: str) -> list[str]:
