@@ -61,7 +61,7 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
     )  # fmt: skip
     alone = Row(
         "PPO, humanoid only", observation, ppo, messages=True, feedback=False, module="training.sb3",
-        checkpoint="best.zip", seeds=1, image_encoder="detector", track=GROUNDED,
+        checkpoint="best.zip", seeds=2 if graphs else 1, image_encoder="detector", track=GROUNDED,
     )  # fmt: skip
     before = 1 + [row.name for row in learners].index("MAPPO")
     return (*learners[:before], alone, *learners[before:])
