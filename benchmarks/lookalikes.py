@@ -7,6 +7,7 @@ that class. Who reads no colours is as often right as by chance. Test splits are
 
 import argparse
 import json
+from contextlib import closing
 from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ from benchmarks.scores import SPLITS, thinned
 from chmarl_pb.catalog import class_of
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.tracks import GROUNDED
+from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.files import write_atomically
@@ -53,14 +55,13 @@ def measured(name: str, observation: str, split: str, thin: int) -> dict[str, An
     """Return what a policy takes on every so many tasks of a split."""
     source, tasks = find_policy(name), thinned(evaluated_tasks(split), thin)
     env = HouseholdEnv(observation=observation, **{"track": GROUNDED, **source.rules, "split": split})
-    policy = source.make(env)
-    with progress_bar() as bar:
+    with closing(env), progress_bar() as bar:
+        policy = source.make(env)
         row = bar.add_task(f"{name}, {split}", total=len(tasks))
         found = list[Taken | None]()
         for task in tasks:
             found.append(first_taken(env, policy, task))
             bar.advance(row)
-    env.close()
     taken = [one for one in found if one is not None]
     shares = {"x": fmean(one.is_x for one in taken), "chance": fmean(one.chance for one in taken)} if taken else {}
     return {
@@ -86,6 +87,8 @@ def main() -> int:
 
 def _print(chosen: argparse.Namespace) -> int:
     whole_number("--thin", chosen.thin, 1)
+    if chosen.json and chosen.json.is_dir():
+        raise OptionError(f"--json {chosen.json}: is a folder; name a file in it")
     rows = list[dict[str, Any]]()
     print(
         "| policy | tasks | takes one of X's class | X among these % | by chance % |", "|---|--:|--:|--:|--:|", sep="\n"

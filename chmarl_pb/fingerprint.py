@@ -47,25 +47,25 @@ def fingerprint(given: object, code: bool = True) -> str | None:
 
     Args:
         given: the object.
-        code: whether the files count.
+        code: whether the files count, and the code of functions that no module names.
 
     Returns:
         None if that cannot be told: it holds what cannot be pickled, or there is no file, as in a notebook.
     """
     files = set[Path]()
     try:
-        content = _content(given, files)
+        content = _content(given, files, code)
     except Exception:  # whatever the methods raise by which objects say what they hold
         return None
     return sha256_of([content, *(file_hash(path).encode() for path in sorted(files) if code)])
 
 
-def _content(given: object, files: set[Path]) -> bytes:
+def _content(given: object, files: set[Path], code: bool) -> bytes:
     """Return the hash of what an object holds; note the files of classes and functions."""
     told = _Digest()
-    _Reader(told, files).dump(given)
+    _Reader(told, files, code).dump(given)
     alike = _Digest(limit=_REPEATED * told.size)
-    reader = _Reader(alike, files)
+    reader = _Reader(alike, files, code)
     reader.fast = True  # equal parts read alike, one object or several
     try:
         reader.dump(given)
@@ -201,19 +201,20 @@ class _Reader(pickle.Pickler):
 
     Attributes:
         files: of the classes and functions that it came by.
+        code: whether the code of functions that no module names is read, too.
     """
 
-    def __init__(self, written: _Digest, files: set[Path]):
+    def __init__(self, written: _Digest, files: set[Path], code: bool):
         """Write what is read, and note files."""
         super().__init__(written, _PROTOCOL)
-        self.files = files
+        self.files, self.code = files, code
 
     def persistent_id(self, given: Any) -> Any:
         """Return what stands for a set, whose order is no one's, and for a tensor, whose bytes name an address."""
         for part in _layers(given):
             self._note(part)
         if type(given) in (set, frozenset):
-            return type(given).__name__, sorted(_content(one, self.files) for one in given)
+            return type(given).__name__, sorted(_content(one, self.files, self.code) for one in given)
         torch: Any = sys.modules.get("torch")
         if torch is not None and isinstance(given, torch.Tensor):
             flat = given.detach().cpu().contiguous().reshape(-1).view(torch.uint8)
@@ -238,5 +239,6 @@ class _Reader(pickle.Pickler):
         else:
             around = zip(given.__code__.co_freevars, given.__closure__ or (), strict=True)
             cells = {key: cell.cell_contents for key, cell in around if key != "__class__"}
-            held = (_told(given.__code__), given.__defaults__, given.__kwdefaults__, cells)
+            code = _told(given.__code__) if self.code else ()
+            held = (code, given.__defaults__, given.__kwdefaults__, cells)
         return tuple, ((name_of(given), held),)

@@ -133,8 +133,7 @@ def _refuse_idle(options: argparse.Namespace) -> None:
         check_used(options, {"draw": None}, "is the number of tasks for --home")
     if options.label is not None and options.out is None and options.json is None:
         raise OptionError(
-            f"label={options.label!r} names a row of reports, which are made of files of --out; give --out, too, or "
-            "leave out --label"
+            f"label={options.label!r} names a row of reports, and no file is written; give --out, or leave out --label"
         )
 
 

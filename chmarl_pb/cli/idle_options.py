@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from chmarl_pb.envs.tracks import TRACKS
 from chmarl_pb.tasks.splits import STREAM
 
 #: Algorithm -> settings of its class that it does not use; those of other algorithms are not in its class.
@@ -66,8 +65,6 @@ def idle_in_sb3(name: str, config: Any) -> str:
         return f"preset {config.preset!r} reads a few numbers, and nothing is encoded"
     if name == "feedback" and config.keys:
         return f"preset {config.preset!r} reads none, nor does the policy of a drone that does not learn"
-    if name == "feedback" and not TRACKS[config.track][name]:
-        return f"there is none in the {config.track} track"
     return _idle_in_encoder(name, config, config.observation)
 
 

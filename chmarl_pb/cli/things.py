@@ -12,7 +12,7 @@ from chmarl_pb.homes.catalog_file import KEYS
 from chmarl_pb.homes.imports import AXES, Wish, add_thing
 from chmarl_pb.homes.things import Thing
 from chmarl_pb.rendering.preview import preview_model
-from chmarl_pb.tasks.language.own_names import load_things
+from chmarl_pb.tasks.language.own_names import load_things, name_fault
 
 _CATALOG = Path("my_things.toml")
 
@@ -110,6 +110,9 @@ def _print_classes(rows: list[dict[str, Any]]) -> None:
 
 def _check(options: argparse.Namespace) -> int:
     """Read a catalogue file, which says what is wrong with it."""
-    own = load_things(options.catalog).rows[len(BENCHMARK.rows) :]
-    print(f"{options.catalog}: good: {', '.join(f'{row.name} ({row.kind})' for row in own)}")
+    known = load_things(options.catalog)
+    own = ", ".join(f"{row.name} ({row.kind})" for row in known.rows[len(BENCHMARK.rows) :])
+    print(f"{options.catalog}: good: {own}")
+    if fault := name_fault(known, lookalikes=True):
+        print(f"but not with lookalikes, as in the grounded track: {fault}")
     return 0

@@ -5,7 +5,7 @@ import shlex
 import sys
 import time
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from datetime import datetime, timezone
@@ -127,6 +127,8 @@ def evaluate(
     options = rules_with(source.rules, options)
     split = HEADLINE_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
     setup = Setup(policy, Options(observation, split, **options), env_fn)
+    if check_seats:
+        _check_has_seats(source, setup)
     if tasks is None and split == STREAM:
         raise TaskError(f"the split {split!r} is endless; use {' or '.join(GENERATED_HOMES)}, or give tasks=[...]")
     chosen = _chosen(setup.options, tasks)
@@ -142,17 +144,19 @@ def evaluate(
     settings = _settings(source, setup, chosen, seeds)
     if file is not None:
         _warn_of_unknown(settings)
-    known = partial(_kept, file, settings, reuse, check_seats)
+    known = partial(_kept, file, settings, reuse)
     kept = known()
-    if kept and label in (None, kept.run.get("label")):
+    if kept and label in (None, kept.run.get("label")) and not (check_seats and SEATS_APART not in kept.run):
         return kept
     homes = list(dict.fromkeys(task.home for task in chosen))
     jobs = sorted(((task, seed) for seed in seeds for task in chosen), key=lambda job: homes.index(job[0].home))
     start = time.perf_counter()
     with nullcontext() if file is None else Lock(file):
-        if file is not None and (kept := known()):  # another process may just have written it
-            return _labelled(kept, label, file)
-        apart = _seats_apart(setup, jobs, check_seats and not source.centralized)
+        kept = known()  # another process may just have written it
+        looks = check_seats and not (kept and SEATS_APART in kept.run)
+        apart = _seats_apart(setup, jobs) if looks else {}
+        if kept and file is not None:
+            return _noted(kept, apart if label is None else apart | {"label": label}, file)
         ledger = None if file is None else Ledger(file, settings, jobs)
         episodes = _played(setup, jobs, plays or partial(play, executor=executor), ledger, progress)
         run = _run(label, executor.workers, time.perf_counter() - start, fixed) | apart
@@ -163,36 +167,39 @@ def evaluate(
     return report
 
 
-def _kept(file: Path | None, settings: dict[str, Any], reuse: bool, check_seats: bool) -> Report | None:
+def _kept(file: Path | None, settings: dict[str, Any], reuse: bool) -> Report | None:
     """Return the result that a file holds already, if it is to be used and was made with the same settings."""
     if file is None or not reuse or not file.is_file():
         return None
     kept = load_result(file)
-    is_looked_at = not check_seats or SEATS_APART in kept.run or kept.declared
-    return kept if kept.settings == settings and is_looked_at else None
+    return kept if kept.settings == settings else None
 
 
-def _seats_apart(setup: Setup, jobs: Sequence[Job], check: bool) -> dict[str, int]:
-    """Return what a result says of seats that share nothing: of how many episodes; nothing without seats or a check.
+def _check_has_seats(source: Source, setup: Setup) -> None:
+    if source.centralized or setup.privileged:
+        kind = "is one policy for all robots" if source.centralized else "is told more than its robots observe"
+        raise OptionError(f"check_seats=True: {source.name} {kind}, so there are no seats to look at; leave it out")
+
+
+def _seats_apart(setup: Setup, jobs: Sequence[Job]) -> dict[str, int]:
+    """Return what a result says of seats that share nothing: of how many episodes.
 
     Raises:
         OptionError: they share something.
     """
-    if not check or setup.privileged:
-        return {}
     chosen = some_of(jobs)
     if shared := what_is_shared(setup, chosen):
         raise OptionError(shared)
     return {SEATS_APART: len(chosen)}
 
 
-def _labelled(kept: Report, label: str | None, file: Path) -> Report:
-    """Return a kept result with the label that it is to be shown by, in its file, too."""
-    if label in (None, kept.run.get("label")):
+def _noted(kept: Report, notes: Mapping[str, Any], file: Path) -> Report:
+    """Return a kept result with notes in its ``run``, as the label that it is to be shown by, in its file, too."""
+    if notes.items() <= kept.run.items():
         return kept
-    named = replace(kept, run={**kept.run, "label": label})
-    named.save(file)
-    return named
+    noted = replace(kept, run={**kept.run, **notes})
+    noted.save(file)
+    return noted
 
 
 def _chosen(options: Options, tasks: Sequence[AnyTask | str] | None) -> list[AnyTask]:

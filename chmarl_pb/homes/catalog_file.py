@@ -202,7 +202,7 @@ class _Row:
             for key in ("names", "held_out")
         )
         names = names_of(name, shown_names, held_out)
-        for entry in names:
+        for entry in names if self.kind != "scenery" else ():  # which no sentence names
             article, _, rest = entry.text.partition(" ")
             if article in _ARTICLES:
                 hint = f"write {rest!r}" if rest else "name the thing itself"

@@ -79,6 +79,14 @@ def _setting(options: Options, frozen: FrozenEncoder | None) -> dict[str, Any]:
     return {**shared, FROZEN: frozen.fingerprint if frozen else "", **own}
 
 
+def untold(theirs: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the setting of an older training does not tell, as it is in the present one.
+
+    That is in what it was trained, and, in one home, the rooms there.
+    """
+    return {name: own[name] for name in (TRAINED_IN, *[ROOMS] * (HOME in theirs)) if name in own}
+
+
 def other_rooms(options: Options) -> str:
     """Return the rooms that actions and messages name, with a comma between; nothing for those of the benchmark."""
     if options.home is None:

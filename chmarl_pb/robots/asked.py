@@ -41,7 +41,7 @@ def finished(robot: "Robot", motion: Motion) -> bool:
     done: Any = robot.finish(motion)
     if not _is_own(robot):
         return bool(done)
-    if not isinstance(done, bool | np.bool_):
+    if not isinstance(done, bool | np.bool_ | int) or done not in (0, 1):
         raise _wrong(robot, f"finish({motion})", done, "True or False: whether the motion succeeded")
     if not _is_pose(robot, robot.pose):
         raise _wrong(robot, f"pose after finish({motion})", robot.pose, _poses(robot))

@@ -124,8 +124,10 @@ def test_results_say_whether_it_was_looked_at(tmp_path: Path, monkeypatch: pytes
     assert load_result(tmp_path / "r.json").run == checked.run
     again = chmarl_pb.evaluate(Drawing, "val-unseen", reuse=True, check_seats=True, **given)
     assert again.run == checked.run and len(looked) == 2
-    central = chmarl_pb.evaluate(Central, "val-unseen", check_seats=True, **given)
-    assert "seats_apart" not in central.run and len(looked) == 2
+    with pytest.raises(OptionError, match="is one policy for all robots, so there are no seats"):
+        chmarl_pb.evaluate(Central, "val-unseen", check_seats=True, **given)
+    with pytest.raises(OptionError, match="planner is told more than its robots observe"):
+        chmarl_pb.evaluate("planner", "val-unseen", check_seats=True, **given)
     monkeypatch.setattr(protocol, "what_is_shared", lambda setup, jobs: "they share memory")
     with pytest.raises(OptionError, match="they share memory"):
         chmarl_pb.evaluate(Drawing, "val-unseen", check_seats=True, **given)

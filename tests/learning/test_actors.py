@@ -27,10 +27,10 @@ from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.rollouts.collect import NO_LABEL, Collector
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import expert_name
-from chmarl_pb.learning.runs.run import BEST
+from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.runs.validation import play_greedily
 from chmarl_pb.learning.spaces import interface_of
-from chmarl_pb.learning.storage.checkpoint import CheckpointError, load
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, save
 from chmarl_pb.policies.registry import make_expert, make_policy
 from tests.helpers.small_runs import EXPERT, IMITATION, MAPPO, SMALL, Constant
 from tests.helpers.uneven_env import UnevenEnv
@@ -321,6 +321,17 @@ def test_experts_are_named_in_what_is_kept() -> None:
     levels = [expert_name(partial(Constant, level)) for level in (1, 2, 2)]
     assert levels[0] != levels[1] == levels[2] and levels[0].startswith(f"{own} ")
     assert names[4].startswith(f"{__name__}:")
+
+
+def test_a_run_from_before_experts_told_their_arguments_goes_on(tmp_path: Path) -> None:
+    train(UnevenEnv, "imitation", IMITATION, tmp_path, expert=EXPERT)
+    with pytest.raises(CheckpointError, match="expert"):
+        train(UnevenEnv, "imitation", IMITATION, tmp_path, expert=partial(Constant, actions={"long": 1, "short": 1}))
+    content = load(tmp_path / LAST)
+    name = content["config"]["expert"].partition(" ")[0]
+    kept = {key: part for key, part in content.items() if key not in ("format", "kind")}
+    save(tmp_path / LAST, "run", {**kept, "config": {**content["config"], "expert": name}})
+    train(UnevenEnv, "imitation", IMITATION, tmp_path, expert=EXPERT)
 
 
 def test_a_run_goes_on_without_the_weights_that_it_began_with(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 import chmarl_pb
 from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.layout import STARTER
-from chmarl_pb.learning.benchmark_env import benchmark
+from chmarl_pb.learning.benchmark_env import benchmark, untold
 from chmarl_pb.learning.config import HOME, ROOMS
 from chmarl_pb.learning.policies.checks import check_names
 from chmarl_pb.learning.storage.checkpoint import CheckpointError
@@ -43,6 +43,7 @@ def test_what_was_trained_there_is_played_there_alone(two_kitchens: Path) -> Non
     older = {name: value for name, value in setting.items() if name != ROOMS}
     assert older[HOME]
     check_names(there, older, Path("best.pt"))
+    assert untold(older, setting)[ROOMS] == RENAMED and ROOMS not in untold(benchmark("scene_graph")[1], setting)
     assert ROOMS not in benchmark("scene_graph")[1]
     for env in (there, elsewhere):
         env.close()

@@ -42,7 +42,7 @@ from chmarl_pb.learning.sb3.run import Log
 from chmarl_pb.learning.sb3.train import BEST, LAST, RESULT, run
 from chmarl_pb.learning.sb3.validation import make_validation, validation_tasks
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures
-from chmarl_pb.learning.storage.checkpoint import CheckpointError
+from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, save
 from chmarl_pb.learning.storage.seal import LENGTH
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.seats import seated
@@ -158,8 +158,9 @@ def test_a_model_in_memory_hears_what_it_heard_in_training() -> None:
     model = PPO("MultiInputPolicy", envs, policy_kwargs={"features_extractor_class": GoalFeatures}, device="cpu")
     silent = policy_of(model)
     envs.close()
-    deaf = policy_of(model, "belief")  # closed environments do not tell
-    assert silent._unheard == ("messages",) and deaf._unheard == () and silent.fingerprint != deaf.fingerprint
+    told, untold = policy_of(model, "belief", ["messages"]), policy_of(model, "belief")  # closed ones do not tell
+    assert silent._unheard == told._unheard == ("messages",) and untold._unheard == ()
+    assert silent.fingerprint == told.fingerprint != untold.fingerprint
     env = chmarl_pb.parallel_env(split="val-unseen", goal=True)
     policy = silent(env)
     seen, infos = env.reset(seed=0)
@@ -170,6 +171,17 @@ def test_a_model_in_memory_hears_what_it_heard_in_training() -> None:
         chosen.append(policy.act(observations, infos))
     assert chosen[0] == chosen[1]
     env.close()
+
+
+def test_a_model_whose_processes_have_ended_plays_on() -> None:
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    envs = SubprocVecEnv([partial(gymnasium.make, "chmarl_pb:CHMARL/SceneGraph-v0", goal=True)], start_method="spawn")
+    model = PPO("MultiInputPolicy", envs, policy_kwargs={"features_extractor_class": GoalFeatures}, device="cpu")
+    assert policy_of(model)._unheard == ()
+    envs.close()
+    assert policy_of(model).centralized
 
 
 def test_a_model_in_memory_knows_its_drone_by_its_environments() -> None:
@@ -291,6 +303,23 @@ def test_a_run_goes_on_in_the_same_home_alone(tmp_path: Path, small_home: Path) 
     small_home.write_text(small_home.read_text().replace("desk_1", "bench_1"))
     with pytest.raises(CheckpointError, match="home_sha256="):
         run(config, tmp_path / "run", workers=0)
+
+
+@pytest.mark.parametrize("other", [{"rooms": ""}, {"feedback": True}])
+def test_a_run_from_before_settings_told_what_is_had_goes_on(
+    other: dict[str, Any], tmp_path: Path, small_home: Path
+) -> None:
+    """Of one home they did not tell the rooms; in the grounded track they said that there is feedback."""
+    home = str(small_home) if "rooms" in other else None
+    config = Config("ppo", HUMANOID if home else GROUNDED, steps=8, interval=8, home=home, **TINY)
+    run(config, tmp_path, workers=0)
+    content = load(tmp_path / LAST)
+    settings = {**content["settings"], **other}
+    if "rooms" in other:
+        del settings["rooms"]
+    kept = {key: part for key, part in content.items() if key not in ("format", "kind")}
+    save(tmp_path / LAST, content["kind"], {**kept, "settings": settings})
+    run(config, tmp_path, workers=0)
 
 
 def test_episodes_may_be_longer_than_those_of_the_id(tmp_path: Path) -> None:

@@ -170,7 +170,7 @@ def gone(robot: MobileRobot) -> None:
         ({"plan": 3}, r"plan\('stay'\) is 3; it is to be None"), ({"plan": True}, r"plan\('stay'\) is True; "),
         ({"plan": (5, None, None, None)}, r"plan\('stay'\) is \(5, None, None, None\); "),
         ({"finish": None}, r"finish\(Motion.*\) is None; it is to be True or False: whether the motion succeeded"),
-        ({"finish": "no"}, r"finish\(Motion.*\) is 'no'; "), ({"finish": 1}, r"finish\(Motion.*\) is 1; "),
+        ({"finish": "no"}, r"finish\(Motion.*\) is 'no'; "), ({"finish": 2}, r"finish\(Motion.*\) is 2; "),
         ({"then": gone}, r"pose after finish\(Motion.*\) is -1; it is to be a whole number from 0 to \d+, as"),
         ({"drive": None}, r"drive\(Motion.*\) is None; it is to be an iterator of Ticks, see MobileRobot.drive"),
         ({"drive": iter([0.5])}, r"drive\(Motion.*\) is 0.5; it is to be a Tick, or None, for each step"),
@@ -189,7 +189,7 @@ def test_what_a_robots_class_may_answer() -> None:
     ticks = iter([Tick(by_motors=False), None])
     for answers, succeeded in (
         ({"plan": Motion(np.int64(5))}, True),  # type: ignore[arg-type]
-        ({"plan": None}, False), ({"finish": np.bool_(False)}, False),
+        ({"plan": None}, False), ({"finish": np.bool_(False)}, False), ({"finish": 0}, False),
         ({"drive": ticks}, True),
     ):  # fmt: skip
         execution = "simulated" if "drive" in answers else "instant"

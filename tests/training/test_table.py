@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from chmarl_pb.cli.idle_options import idle_in_sb3, refuse_idle
 from chmarl_pb.cli.sb3 import parse as parse_sb3
 from chmarl_pb.cli.train import Play
 from chmarl_pb.cli.train import parse as parse_train
@@ -29,6 +31,7 @@ from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.executors import Local
 from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.logger import Logger
+from chmarl_pb.learning.sb3.config import Config
 from training import table
 from training.tables.attribution import PARTS
 from training.tables.cells import NOT_RUN, gained
@@ -744,6 +747,15 @@ def test_rows_of_the_grounded_track_are_trained_by_its_rules_and_scored_on_its_s
         train, score = (" ".join(run.command(step)) for step in ("train", "score"))
         assert "--track grounded" in train or "CHMARL/Grounded" in train
         assert "--splits generated-test" in score and "messages" not in score, "a checkpoint knows its rules"
+
+
+def test_commands_of_rows_name_no_option_that_changes_nothing(tmp_path: Path) -> None:
+    rows = [row for table in TABLES.values() for row in table if row.module == "training.sb3"]
+    assert any(row.track == GROUNDED for row in rows)
+    for row in rows:
+        command = Run(row, 0, tmp_path, tmp_path, tmp_path).command("train")
+        config = parse_sb3(command[command.index("training.sb3") + 1 :]).config
+        refuse_idle(config, Config(config.algo), partial(idle_in_sb3, config=config))
 
 
 def test_the_grounded_track_has_a_table_of_its_own(tmp_path: Path, launch: Launch) -> None:

@@ -13,7 +13,7 @@ from chmarl_pb.learning.algorithms.mappo import Mappo, MappoConfig
 from chmarl_pb.learning.algorithms.pqn import Pqn, PqnConfig
 from chmarl_pb.learning.algorithms.qtran import Qtran
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
-from chmarl_pb.learning.benchmark_env import meaning_in
+from chmarl_pb.learning.benchmark_env import meaning_in, untold
 from chmarl_pb.learning.config import HOME, MEANING, RULES, TRAINED_IN, RunConfig
 from chmarl_pb.learning.lookup import look_up
 from chmarl_pb.learning.spaces import Interface
@@ -98,6 +98,7 @@ def check_first_weights(config: RunConfig, setting: dict[str, Any]) -> None:
     with reading(path):
         theirs = dict(load(path, "value")["setting"])
     theirs, own = ({**one, RULES: meaning_in(one)} for one in (theirs, setting))
+    theirs = {**untold(theirs, own), **theirs}
     for name in sorted((theirs.keys() | own.keys()) - {HOME, MEANING, TRAINED_IN}):
         if theirs.get(name) != own.get(name):
             raise CheckpointError(

@@ -102,7 +102,8 @@ class ValueLearner:
             self.agents = make_agents(interface.observations, interface.actions, config)
             self.mixer = self.make_mixer(interface)
         self.networks = nn.ModuleDict({"agents": self.agents, "mixer": self.mixer})
-        numbers = len(interface.agents) if self.mixer.per_agent else 1
+        self._per_agent = bool(getattr(self.mixer, "per_agent", False))  # joint networks of one's own may not tell
+        numbers = len(interface.agents) if self._per_agent else 1
         self._states = Normalizer(interface.state_size) if config.standardize_state else None
         self.returns = Returns(config.gamma, config.td_lambda, Normalizer(numbers) if config.normalize_values else None)
         self._rewards = Normalizer(numbers) if config.standardize_rewards else None
@@ -178,7 +179,7 @@ class ValueLearner:
 
     def _standardized(self, scale: Normalizer, batch: Batch) -> Tensor:
         """Return rewards (B, T, N) on a scale that takes them in: of each agent for IQL, else the team's one reward."""
-        if self.mixer.per_agent:
+        if self._per_agent:
             scale.update(batch.rewards, batch.acted)
             return scale.normalize(batch.rewards)
         reward, _, acts = batch.team()

@@ -14,7 +14,8 @@ import torch
 from chmarl_pb.files import file_hash
 from chmarl_pb.learning.algorithms.gradient import check_finite
 from chmarl_pb.learning.algorithms.registry import make_learner
-from chmarl_pb.learning.config import TRAINED_IN, RunConfig
+from chmarl_pb.learning.benchmark_env import untold
+from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.rollouts.collect import Collector
 from chmarl_pb.learning.rollouts.replay_buffer import Episode, ReplayBuffer
@@ -146,11 +147,13 @@ class Run:
         """
         theirs, own = dict(state), self._settings()
         self._begun_with = state.get("begun_with", {})  # nothing in older ones
-        theirs["setting"] = {TRAINED_IN: self.setting.get(TRAINED_IN), **state["setting"]}
+        theirs["setting"] = {**untold(state["setting"], self.setting), **state["setting"]}
         if state["algorithm"] == self.learner.algorithm:  # settings that are newer than the file have their defaults
             first = self.config.first_weights
             if first and Path(first).is_file() and file_hash(Path(first)) == self._begun_with.get("sha256"):
                 theirs["config"] = {**theirs["config"], "start": first}  # the same weights may lie elsewhere now
+            if str(own_expert := getattr(self.config, "expert", "")).startswith(f"{theirs['config'].get('expert')} "):
+                theirs["config"] = {**theirs["config"], "expert": own_expert}  # older ones tell the name alone
             theirs |= asdict(type(self.config)(**theirs["config"]))
             own |= asdict(self.config)
         known = {"agents": own["agents"], **theirs}  # older runs do not tell the order of agents

@@ -19,7 +19,7 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.fingerprint import fingerprint
 from chmarl_pb.learning.networks.frozen import FrozenEncoder
 from chmarl_pb.learning.observation_keys import IMAGE, are_of_all, named
-from chmarl_pb.learning.policies.checks import silenced
+from chmarl_pb.learning.policies.checks import silenced as silenced_in
 from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.sb3.wrappers import encoded
 from chmarl_pb.learning.spaces import stack
@@ -27,18 +27,21 @@ from chmarl_pb.learning.threads import threads
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy, first_grasper
 from chmarl_pb.policies.registry import make_policy
 
+_CLOSED = (ClosedEnvironmentError, OSError, EOFError)  # what closed environments raise, ours and SB3's
 _TRAINING = {"lr_schedule", "optimizer_class", "optimizer_kwargs"}  # what a network is made from, to be trained
 
 
-def policy_of(model: BaseAlgorithm, partner: str | None = None) -> "ModelPolicies":
+def policy_of(
+    model: BaseAlgorithm, partner: str | None = None, silenced: Sequence[str] | None = None
+) -> "ModelPolicies":
     """Return what makes the policy of a model in memory, for ``chmarl_pb.evaluate(policy_of(model), workers=1, ...)``.
-
-    Messages and feedback read as zeros where the model's environments, if it still has open ones, were made without.
 
     Args:
         model: of Stable-Baselines3, trained on one of the ids; wrappers may have left keys out, but not changed them.
         partner: policy of the others beside a humanoid that learned alone, "search" or "belief"; None: that of the
             model's environments, or "search" for a model that has none.
+        silenced: which of "messages" and "feedback" read as zeros, as they did in training; None: those of the model's
+            environments, or none for a model that has none, or closed ones.
 
     Raises:
         ValueError: the model was trained on normalised observations, or its environments are closed and no partner is
@@ -47,7 +50,8 @@ def policy_of(model: BaseAlgorithm, partner: str | None = None) -> "ModelPolicie
     normalised = model.get_vec_normalize_env()
     if normalised is not None and normalised.norm_obs:
         raise ValueError("the model knows normalised observations only; train it with VecNormalize(norm_obs=False)")
-    return ModelPolicies(model, partner or _partner_of(model), _unheard_by(model))
+    unheard = _unheard_by(model) if silenced is None else tuple(silenced)
+    return ModelPolicies(model, partner or _partner_of(model), unheard)
 
 
 def _partner_of(model: BaseAlgorithm) -> str:
@@ -57,7 +61,7 @@ def _partner_of(model: BaseAlgorithm) -> str:
         return PARTNERS[0]
     try:
         return str(env.get_attr("partner")[0]) if env.has_attr("partner") else PARTNERS[0]
-    except ClosedEnvironmentError as error:
+    except _CLOSED as error:
         known = " or ".join(f"partner={name!r}" for name in PARTNERS)
         raise ValueError(f"the model's environments are closed; say what drove the drone there: {known}") from error
 
@@ -67,9 +71,9 @@ def _unheard_by(model: BaseAlgorithm) -> tuple[str, ...]:
     env = model.get_env()
     try:
         options = env.get_attr("options")[0] if env is not None and env.has_attr("options") else None
-    except ClosedEnvironmentError:
+    except _CLOSED:
         options = None
-    return silenced(vars(options)) if isinstance(options, Options) else ()
+    return silenced_in(vars(options)) if isinstance(options, Options) else ()
 
 
 class ModelPolicies:

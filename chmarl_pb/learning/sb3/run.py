@@ -12,10 +12,12 @@ from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from stable_baselines3.common.vec_env import VecEnv
 
+from chmarl_pb.envs.registration import options_of
+from chmarl_pb.envs.tracks import TRACKS
 from chmarl_pb.errors import WriteError
 from chmarl_pb.files import append_line, sealed, write_atomically, writing
 from chmarl_pb.learning.algorithms.gradient import check_finite
-from chmarl_pb.learning.config import TRAINED_IN
+from chmarl_pb.learning.config import ROOMS, TRAINED_IN
 from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.logger import BOARD, METRICS, read_rows
 from chmarl_pb.learning.sb3.config import BEFORE_PRESETS
@@ -154,8 +156,11 @@ class Milestones(BaseCallback):
             self._restore(model, load(self.path, KIND))
 
     def _restore(self, model: BaseAlgorithm, content: dict[str, Any]) -> None:
-        before = {TRAINED_IN: self.settings[TRAINED_IN], **BEFORE_PRESETS}
-        check_same({**before, **content["settings"]}, self.settings, self.path)
+        before = {TRAINED_IN: self.settings[TRAINED_IN], **BEFORE_PRESETS, ROOMS: self.settings[ROOMS]}
+        theirs = {**before, **content["settings"]}
+        has_feedback = TRACKS[str(options_of(theirs["env_id"])["track"])]["feedback"]
+        theirs["feedback"] = bool(theirs["feedback"] and has_feedback)  # older ones say what was asked for
+        check_same(theirs, self.settings, self.path)
         model.set_parameters(content["parameters"])
         kept = content.get("moment")
         for name, value in (kept or content)["counters"].items():

@@ -33,13 +33,25 @@ def load_things(path: str | Path, lookalikes: bool = False) -> Catalog:
         AssetError: the file cannot be used, or a name stands in sentences that ask for something else.
     """
     known = load_catalog(path)
-    if found := _misread(known, lookalikes):
-        row, name, sentence = found
-        raise AssetError(
-            f"{path}: [[{row.kind}]] ({row.name!r}): {name!r} would name it in sentences that ask for other things, "
-            f"as in {re.sub(rf'[a-z]?{_SLOT}', '...', sentence)!r}; choose another name"
-        )
+    if fault := name_fault(known, lookalikes):
+        raise AssetError(f"{path}: {fault}; choose another name")
     return known
+
+
+def name_fault(known: Catalog, lookalikes: bool) -> str:
+    """Return which of a user's names stands in sentences that ask for something else; empty if none does.
+
+    Args:
+        known: the user's classes among others.
+        lookalikes: whether instructions name colours and rooms, too.
+    """
+    if (found := _misread(known, lookalikes)) is None:
+        return ""
+    row, name, sentence = found
+    return (
+        f"[[{row.kind}]] ({row.name!r}): {name!r} would name it in sentences that ask for other things, "
+        f"as in {re.sub(rf'[a-z]?{_SLOT}', '...', sentence)!r}"
+    )
 
 
 @lru_cache(maxsize=64)
