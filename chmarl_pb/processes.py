@@ -171,6 +171,11 @@ def submitted(executor: Executor, work: Callable[..., Result], *job: Any) -> "Fu
         raise _not_started(error) from error
 
 
+def is_helper() -> bool:
+    """Return whether another process has started this one to help."""
+    return parent_process() is not None
+
+
 def begin() -> None:
     """Leave interrupts to the parent, and end when it is gone; called by each process that is started to help."""
     for name in {"SIGINT", "SIGHUP"} & set(dir(signal)):

@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Sequence
-from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +33,7 @@ from chmarl_pb.learning.spaces import spaces_of
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, fill, load, reading
 from chmarl_pb.learning.threads import threads
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
+from chmarl_pb.processes import is_helper
 
 
 class ValuePolicy:
@@ -124,7 +124,7 @@ class ValuePolicies:
 
     def _tell(self, warning: str) -> None:
         """Warn once, not for each robot; processes that help this one are silent, as this one has said it."""
-        if warning and warning not in self._told and parent_process() is None:
+        if warning and warning not in self._told and not is_helper():
             self._told.add(warning)
             warnings.warn(warning, stacklevel=2)
 
