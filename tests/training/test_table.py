@@ -738,7 +738,7 @@ def test_rows_of_the_grounded_track_are_trained_by_its_rules_and_scored_on_its_s
     assert {row.slug: row.seeds for row in rows if row.seeds != 1} == {
         "graphs-imitation-of-belief": 3, "graphs-imitation-of-belief-then-mappo": 3, "pictures-imitation-of-belief": 3,
         "graphs-imitation-of-belief-words-parsed": 3, "pictures-imitation-of-belief-words-parsed": 3,
-        "graphs-mappo": 2, "pictures-imitation-of-belief-then-mappo": 2, "graphs-qmix-grounded": 2,
+        "graphs-mappo": 2, "pictures-imitation-of-belief-then-mappo": 2, "graphs-qmix-grounded": 3,
         "graphs-ppo-humanoid-only": 2,
     }  # fmt: skip
     assert {row.slug.split("-")[0] for row in rows} == {"graphs", "pictures"}

@@ -46,7 +46,7 @@ def grounded_rows(observation: str) -> tuple[Row, ...]:
         ),
     }  # fmt: skip
     seeds = {
-        "QMIX, grounded": 2,
+        "QMIX, grounded": 3,
         "MAPPO": 2 if graphs else 1,
         "Imitation of belief": 3,
         "Imitation of belief, words parsed": 3,
