@@ -151,6 +151,20 @@ def test_drone_is_the_one_that_the_id_names(env_id: str, tmp_path: Path) -> None
     env.close()
 
 
+def whatever_is_heard(make: Any) -> list[dict[str, str]]:
+    """Return the first actions of a policy where nothing has been said, and where everything has."""
+    env = chmarl_pb.parallel_env(split="val-unseen", goal=True)
+    policy = make(env)
+    seen, infos = env.reset(seed=0)
+    heard = {name: {**part, "messages": np.ones_like(part["messages"])} for name, part in seen.items()}
+    chosen = []
+    for observations in (seen, heard):
+        policy.reset(0)
+        chosen.append({name: env.action_names[name][act] for name, act in policy.act(observations, infos).items()})
+    env.close()
+    return chosen
+
+
 def test_a_model_in_memory_hears_what_it_heard_in_training() -> None:
     from stable_baselines3 import PPO
 
@@ -161,16 +175,8 @@ def test_a_model_in_memory_hears_what_it_heard_in_training() -> None:
     told, untold = policy_of(model, "belief", ["messages"]), policy_of(model, "belief")  # closed ones do not tell
     assert silent._unheard == told._unheard == ("messages",) and untold._unheard == ()
     assert silent.fingerprint == told.fingerprint != untold.fingerprint
-    env = chmarl_pb.parallel_env(split="val-unseen", goal=True)
-    policy = silent(env)
-    seen, infos = env.reset(seed=0)
-    heard = {name: {**part, "messages": np.ones_like(part["messages"])} for name, part in seen.items()}
-    chosen = []
-    for observations in (seen, heard):
-        policy.reset(0)
-        chosen.append(policy.act(observations, infos))
-    assert chosen[0] == chosen[1]
-    env.close()
+    unheard, heard = whatever_is_heard(silent)
+    assert unheard == heard
 
 
 def test_a_model_whose_processes_have_ended_plays_on() -> None:
@@ -257,16 +263,8 @@ def test_every_id_can_be_trained_on() -> None:
 
 def test_drone_beside_a_silent_humanoid_hears_nothing(tmp_path: Path) -> None:
     run(Config("ppo", HUMANOID, steps=8, interval=8, messages=False, **TINY), tmp_path, workers=0)
-    env = chmarl_pb.parallel_env(split="val-unseen", goal=True)
-    policy = load_policy(tmp_path / BEST)(env)
-    seen, infos = env.reset(seed=0)
-    heard = {name: {**part, "messages": np.ones_like(part["messages"])} for name, part in seen.items()}
-    chosen = []
-    for observations in (seen, heard):
-        policy.reset(0)
-        chosen.append(policy.act(observations, infos))
-    assert chosen[0] == chosen[1] and env.action_names["drone"][chosen[0]["drone"]] != "stay"
-    env.close()
+    unheard, heard = whatever_is_heard(load_policy(tmp_path / BEST))
+    assert unheard == heard and unheard["drone"] != "stay"
 
 
 def weights(model: Any) -> dict[str, torch.Tensor]:
