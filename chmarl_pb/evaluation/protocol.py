@@ -1,53 +1,37 @@
-"""The protocol: every task of a split, once for each seed, with one policy."""
+"""The protocol: every task of a split is played once for each seed, by one policy, and the result kept."""
 
 import os
 import shlex
 import sys
 import time
-import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 from chmarl_pb.envs.options import Observed, Options
-from chmarl_pb.envs.own_parts import checked_kind
-from chmarl_pb.envs.rollout import core_of_parallel
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
-from chmarl_pb.errors import OptionError, ResultError, TaskError
+from chmarl_pb.errors import OptionError, ResultError
 from chmarl_pb.evaluation.json_file import check_replaceable
 from chmarl_pb.evaluation.labels import label_fault
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
+from chmarl_pb.evaluation.plan import Plan, plan_of
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
 from chmarl_pb.evaluation.provenance import (
-    home_hashes,
-    is_told,
     machine,
-    packaged_things_hash,
-    robots_hash,
-    source_hash,
-    tasks_hash,
     versions,
 )
 from chmarl_pb.evaluation.result import FORMAT, SEATS_APART, Report, in_order, load_result
 from chmarl_pb.evaluation.rules import rules_with
-from chmarl_pb.evaluation.sample import sample_of
 from chmarl_pb.evaluation.seats_apart import some_of, what_is_shared
+from chmarl_pb.evaluation.settings import settings_of, warn_of_unknown
 from chmarl_pb.executors import Executor, executor_of
 from chmarl_pb.files import Lock
-from chmarl_pb.fingerprint import fingerprint, name_of
-from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.policy import Factory, Policy
-from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.sources import Source, find_policy
-from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.tasks.kinds import named_task
-from chmarl_pb.tasks.splits import GENERATED_HOMES, SPLITS, STREAM
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 SEEDS = (0, 1, 2)
@@ -120,77 +104,65 @@ def evaluate(
     """
     if "home" in options:
         raise OptionError(f"evaluate(home={options['home']!r}): tasks name their homes; choose by tasks=...")
-    tasks = _listed(tasks)
-    _check_label(label)
+    if fault := label_fault(label or ""):
+        raise OptionError(f"label={label!r} {fault}; name the row otherwise")
     source = find_policy(policy)
-    observation = observation or source.observation or "scene_graph"
     options = rules_with(source.rules, options)
     split = HEADLINE_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
-    setup = Setup(policy, Options(observation, split, **options), env_fn)
+    setup = Setup(policy, Options(observation or source.observation or "scene_graph", split, **options), env_fn)
     if check_seats:
         _check_has_seats(source, setup)
-    if tasks is None and split == STREAM:
-        raise TaskError(f"the split {split!r} is endless; use {' or '.join(GENERATED_HOMES)}, or give tasks=[...]")
-    chosen = _chosen(setup.options, tasks)
-    setup = _at_home(setup, chosen)
-    fixed = source.deterministic and not _may_draw(setup)
-    seeds = _seeds(seeds)[: 1 if fixed else None]
+    plan = plan_of(source, setup, tasks, seeds)
     executor = executor_of(executor, workers)
-    file = None if out is None else Path(out)
-    if file is not None and file.is_dir():
-        raise OptionError(f"{out} is a folder; name a file in it for the result")
+    file = None if out is None else _checked(Path(out))
+    settings = settings_of(plan)
     if file is not None:
-        check_replaceable(file, FORMAT, "a result of an evaluation")
-    settings = _settings(source, setup, chosen, seeds)
-    if file is not None:
-        _warn_of_unknown(settings)
-    known = partial(_kept, file, settings, reuse)
-    kept = known()
-    if kept and label in (None, kept.run.get("label")) and not (check_seats and SEATS_APART not in kept.run):
+        warn_of_unknown(settings)
+    run = partial(_run, plan, settings, plays or partial(play, executor=executor), progress, executor.workers)
+    if file is None:
+        return run(label, _seats_apart(plan) if check_seats else {})
+    return _written(file, plan, settings, run, label, reuse, check_seats)
+
+
+def _checked(file: Path) -> Path:
+    """Return where a result is to be written.
+
+    Raises:
+        OptionError: a folder is there, or a file that is no result.
+    """
+    if file.is_dir():
+        raise OptionError(f"{file} is a folder; name a file in it for the result")
+    check_replaceable(file, FORMAT, "a result of an evaluation")
+    return file
+
+
+def _written(
+    file: Path, plan: Plan, settings: dict[str, Any], run: Callable[..., Report], label: str | None, reuse: bool,
+    check_seats: bool,
+) -> Report:  # fmt: skip
+    """Return the result that a file holds already, or play, and write it there."""
+    notes: dict[str, Any] = {} if label is None else {"label": label}
+    kept = _kept(file, settings, reuse)
+    if kept and notes.items() <= kept.run.items() and (SEATS_APART in kept.run or not check_seats):
         return kept
-    homes = list(dict.fromkeys(task.home for task in chosen))
-    jobs = sorted(((task, seed) for seed in seeds for task in chosen), key=lambda job: homes.index(job[0].home))
-    start = time.perf_counter()
-    with nullcontext() if file is None else Lock(file):
-        kept = known()  # another process may just have written it
-        looks = check_seats and not (kept and SEATS_APART in kept.run)
-        apart = _seats_apart(setup, jobs) if looks else {}
-        if kept and file is not None:
-            return _noted(kept, apart if label is None else apart | {"label": label}, file)
-        ledger = None if file is None else Ledger(file, settings, jobs)
-        episodes = _played(setup, jobs, plays or partial(play, executor=executor), ledger, progress)
-        run = _run(label, executor.workers, time.perf_counter() - start, fixed) | apart
-        report = Report(settings, run, in_order(episodes, chosen))
-        if file is not None and ledger is not None:
-            report.save(file)
-            ledger.remove()
+    with Lock(file):
+        kept = _kept(file, settings, reuse)  # another process may just have written it
+        apart = _seats_apart(plan) if check_seats and not (kept and SEATS_APART in kept.run) else {}
+        if kept:
+            return _noted(kept, notes | apart, file)
+        ledger = Ledger(file, settings, plan.jobs)
+        report = run(label, apart, ledger)
+        report.save(file)
+        ledger.remove()
     return report
 
 
-def _kept(file: Path | None, settings: dict[str, Any], reuse: bool) -> Report | None:
+def _kept(file: Path, settings: dict[str, Any], reuse: bool) -> Report | None:
     """Return the result that a file holds already, if it is to be used and was made with the same settings."""
-    if file is None or not reuse or not file.is_file():
+    if not reuse or not file.is_file():
         return None
     kept = load_result(file)
     return kept if kept.settings == settings else None
-
-
-def _check_has_seats(source: Source, setup: Setup) -> None:
-    if source.centralized or setup.privileged:
-        kind = "is one policy for all robots" if source.centralized else "is told more than its robots observe"
-        raise OptionError(f"check_seats=True: {source.name} {kind}, so there are no seats to look at; leave it out")
-
-
-def _seats_apart(setup: Setup, jobs: Sequence[Job]) -> dict[str, int]:
-    """Return what a result says of seats that share nothing: of how many episodes.
-
-    Raises:
-        OptionError: they share something.
-    """
-    chosen = some_of(jobs)
-    if shared := what_is_shared(setup, chosen):
-        raise OptionError(shared)
-    return {SEATS_APART: len(chosen)}
 
 
 def _noted(kept: Report, notes: Mapping[str, Any], file: Path) -> Report:
@@ -202,73 +174,52 @@ def _noted(kept: Report, notes: Mapping[str, Any], file: Path) -> Report:
     return noted
 
 
-def _chosen(options: Options, tasks: Sequence[AnyTask | str] | None) -> list[AnyTask]:
-    split, kind = options.split, checked_kind(options.kind, options)
-    if tasks is None:
-        if not (chosen := sample_of(split, kind.tasks(split))):
-            raise TaskError(f"tasks: the splits have none for task={options.task!r}; give tasks=[...]")
-        return chosen
-    chosen = [named_task(kind, split, task) if isinstance(task, str) else task for task in tasks]
-    if len(set(chosen)) < len(chosen) or not chosen:
-        raise TaskError("tasks: name at least one task, and none twice")
-    for task in chosen:
-        if (own := task.id.rpartition("-")[0]) in SPLITS and own != split:
-            raise TaskError(f"task {task.id!r} is of the split {own!r}, not {split!r}; evaluate it there")
-    return chosen
+def _check_has_seats(source: Source, setup: Setup) -> None:
+    if source.centralized or setup.privileged:
+        kind = "is one policy for all robots" if source.centralized else "is told more than its robots observe"
+        raise OptionError(f"check_seats=True: {source.name} {kind}, so there are no seats to look at; leave it out")
 
 
-def _listed(tasks: Iterable[AnyTask | str] | None) -> list[AnyTask | str] | None:
-    """Return tasks that were given in a row, each by itself or by its id."""
-    if tasks is None:
-        return None
-    if isinstance(tasks, str) or not isinstance(tasks, Iterable):
-        raise TaskError(f"tasks={tasks!r}: give several in a row, as tasks=['test-unseen-007']")
-    listed = list(tasks)
-    for task in listed:
-        if not isinstance(task, AnyTask | str):
-            raise TaskError(f"tasks: {task!r} is neither a task nor the id of one; ids read like 'test-unseen-007'")
-    return listed
+def _seats_apart(plan: Plan) -> dict[str, int]:
+    """Return what a result says of seats that share nothing: of how many episodes.
 
-
-def _at_home(setup: Setup, tasks: Sequence[AnyTask]) -> Setup:
-    """Return the setup of one home of the user's, whose rooms may be others than those of the split's homes."""
-    homes = {task.home for task in tasks}
-    if len(homes) > 1 or not homes.isdisjoint(setup.options.homes):
-        return setup
-    return replace(setup, options=replace(setup.options, home=homes.pop()))
-
-
-def _check_label(label: str | None) -> None:
-    if fault := label_fault(label or ""):
-        raise OptionError(f"label={label!r} {fault}; name the row otherwise")
-
-
-def _may_draw(setup: Setup) -> bool:
-    """Return whether an episode may depend on its seed whatever the policy does.
-
-    A channel's object may draw random numbers, and so may all that is the user's own: sensors, advisers, kinds of
-    tasks, robots' classes, and what makes the environment.
+    Raises:
+        OptionError: they share something.
     """
-    options = setup.options
-    own_robots = any(model.make is not None for model in options.models.values())
-    return not isinstance(options.messages, bool | str) or own_robots or bool(options.own() or setup.env_fn)
+    chosen = some_of(plan.jobs)
+    if shared := what_is_shared(plan.setup, chosen):
+        raise OptionError(shared)
+    return {SEATS_APART: len(chosen)}
 
 
-def _seeds(seeds: Sequence[int]) -> list[int]:
-    if not isinstance(seeds, Iterable):
-        raise OptionError(f"seeds={seeds!r}: give several in a row, e.g. range({seeds!r})")
-    checked = [whole_number("seed", seed) for seed in seeds]
-    if not checked or len(set(checked)) < len(checked):
-        raise OptionError(f"seeds={checked}: give one or more different whole numbers from 0 on")
-    return checked
+def _run(
+    plan: Plan, settings: dict[str, Any], plays: Plays, progress: Progress, workers: int, label: str | None,
+    apart: Mapping[str, int], ledger: Ledger | None = None,
+) -> Report:  # fmt: skip
+    """Play; return the result, with how its numbers came about."""
+    start = time.perf_counter()
+    episodes = _played(plan, plays, ledger, progress)
+    run = {
+        "label": label,
+        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "seconds": round(time.perf_counter() - start, 1),
+        "workers": workers,
+        "deterministic": plan.deterministic,
+        "versions": versions(),
+        "machine": machine(),
+        **apart,
+    }
+    return Report(settings, run, in_order(episodes, plan.tasks))
 
 
-def _played(setup: Setup, jobs: Sequence[Job], plays: Plays, ledger: Ledger | None, progress: Progress) -> list[Played]:
+def _played(plan: Plan, plays: Plays, ledger: Ledger | None, progress: Progress) -> list[Played]:
     """Play what the ledger does not have; return exactly one episode for each job."""
+    jobs = plan.jobs
     episodes = [] if ledger is None else list(ledger.episodes)
     finished = {episode.job for episode in episodes}
     missing = {job: None for job in jobs if job not in finished}
-    playing = plays(setup, list(missing))
+    playing = plays(plan.setup, list(missing))
     progress(len(episodes), len(jobs))
     for episode in playing:
         if episode.job not in missing:
@@ -281,78 +232,3 @@ def _played(setup: Setup, jobs: Sequence[Job], plays: Plays, ledger: Ledger | No
     if missing:
         raise ResultError(f"{len(missing)} of {len(jobs)} episodes have not been played")
     return episodes
-
-
-def _settings(source: Source, setup: Setup, tasks: Sequence[AnyTask], seeds: Sequence[int]) -> dict[str, Any]:
-    """Return what fixes the numbers."""
-    options, changes = (setup.options, {}) if setup.env_fn is None else _changed(setup)
-    values = options.recorded()
-    given = {"privileged": setup.privileged, "centralized": source.centralized}
-    is_built_in = isinstance(setup.policy, str) and setup.policy in BUILT_IN
-    changes = {**changes, **{name: True for name, is_so in given.items() if is_so}}  # older results have neither
-    if own := options.own():
-        changes = {**changes, "own_sha256": {name: _or_unknown(fingerprint(one)) for name, one in own.items()}}
-    return {
-        "policy": source.name,
-        "policy_sha256": None if is_built_in else _or_unknown(source.sha256),  # whose code source_sha256 tells
-        "split": values.pop("split"),
-        "observation": values.pop("observation"),
-        "options": values,
-        "seeds": list(seeds),
-        "tasks": len(tasks),
-        "tasks_sha256": tasks_hash(tasks),
-        "homes_sha256": home_hashes(tasks),
-        "robots_sha256": _robots(options.models.values()),
-        "catalog_sha256": options.things.content or packaged_things_hash(),
-        "source_sha256": source_hash(),
-        **changes,
-    }
-
-
-def _robots(models: Collection[RobotModel]) -> dict[str, str]:
-    """Return kind of robot -> its hash; where nothing tells its class apart, what no other evaluation has."""
-    untold = {model.name for model in models if not is_told(model)}
-    return {name: _or_unknown("" if name in untold else sha256) for name, sha256 in robots_hash(models).items()}
-
-
-def _or_unknown(sha256: str | None) -> str:
-    """Return what tells an object of the user's apart; where nothing does, what no other evaluation has."""
-    return sha256 or f"{_UNKNOWN}{uuid4()}"
-
-
-def _warn_of_unknown(settings: dict[str, Any]) -> None:
-    """Warn if nothing tells whether another evaluation has the same settings."""
-    told = {"policy": settings["policy_sha256"], "env_fn": settings.get("env", {}).get("sha256")}
-    told |= settings.get("own_sha256", {})
-    told |= {f"robots ({name})": sha256 for name, sha256 in settings["robots_sha256"].items()}
-    if names := [name for name, sha256 in told.items() if sha256 and sha256.startswith(_UNKNOWN)]:
-        warnings.warn(
-            f"{', '.join(names)}: holds what cannot be pickled, or has no file, so nothing tells whether another "
-            "evaluation had the same; the result is not reused, and an interrupted evaluation begins anew",
-            stacklevel=3,
-        )
-
-
-def _changed(setup: Setup) -> tuple[Options, dict[str, Any]]:
-    """Return the options that the environment really has, and what it is made by and wrapped in."""
-    env, wrappers = setup.make_env(), []
-    try:
-        core, inner = core_of_parallel(env), env
-        while inner is not core:
-            wrappers.append(name_of(inner))
-            inner = getattr(inner, "env", core)
-    finally:
-        env.close()
-    make = setup.maker
-    name = setup.env_fn if isinstance(setup.env_fn, str) else name_of(make)
-    return core.options, {"env": {"name": name, "sha256": _or_unknown(fingerprint(make)), "wrappers": wrappers}}
-
-
-def _run(label: str | None, workers: int, seconds: float, deterministic: bool) -> dict[str, Any]:
-    """Return how the numbers came about."""
-    command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-    date = datetime.now(timezone.utc).isoformat(timespec="seconds")
-    return {
-        "label": label, "command": command, "date": date, "seconds": round(seconds, 1), "workers": workers,
-        "deterministic": deterministic, "versions": versions(), "machine": machine(),
-    }  # fmt: skip

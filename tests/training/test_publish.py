@@ -10,7 +10,7 @@ import torch
 import chmarl_pb
 from chmarl_pb.cli import main as chmarl_main
 from chmarl_pb.errors import ChmarlError, OptionError, ResultError
-from chmarl_pb.evaluation import protocol
+from chmarl_pb.evaluation import plan
 from chmarl_pb.learning import Config, train
 from chmarl_pb.policies import weights
 from chmarl_pb.policies.weights import read_manifest
@@ -34,7 +34,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     train(lambda: chmarl_pb.parallel_env(split="val-unseen", max_steps=4, feedback=False), "qmix", TINY, folder,
           setting=setting)  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(protocol, "sample_of", lambda split, tasks: TASKS)
+        patch.setattr(plan, "sample_of", lambda split, tasks: TASKS)
         score(folder / "best.pt", "scene_graph", folder, ["val-unseen"], feedback=False)
     return folder
 
@@ -47,7 +47,7 @@ def test_a_published_run_is_played_by_its_name(
     row = read_manifest(tmp_path)["tiny-graphs"]
     assert (row.observation, row.track, row.options) == ("scene_graph", "paper", {"feedback": False})
     monkeypatch.setenv("CHMARL_WEIGHTS", str(tmp_path))
-    monkeypatch.setattr(protocol, "sample_of", lambda split, tasks: TASKS)
+    monkeypatch.setattr(plan, "sample_of", lambda split, tasks: TASKS)
     capsys.readouterr()
     out = tmp_path / "again.json"
     assert chmarl_main(["evaluate", "--policy", "tiny-graphs", "--split", "val-unseen", "--workers", "1",
