@@ -28,7 +28,7 @@ from chmarl_pb.learning.rollouts.replay_buffer import Episode, ReplayBuffer
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.loop import train
 from chmarl_pb.learning.runs.validation import play_greedily
-from chmarl_pb.learning.spaces import interface_of
+from chmarl_pb.learning.spaces import learner_interface_of
 from training.games import MATRIX_GAMES, TWO_STEP, MatrixGame, SmallGame, TwoStepGame
 from training.theory import additive_fit, independent_fit, supermodular_fit
 
@@ -204,7 +204,7 @@ def _theorem(tables: dict[str, dict[str, np.ndarray]]) -> tuple[float, float] | 
 
 def _history(env: SmallGame, path: list[tuple[int, int]], horizon: int) -> Any:
     """Return the observations on the way to a state as a batch of one episode."""
-    interface = interface_of(env)
+    interface = learner_interface_of(env)
     episode = Episode()
     begin(interface, episode, env, env.reset(seed=0))
     for pair in path:

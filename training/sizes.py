@@ -15,7 +15,7 @@ from chmarl_pb.learning.algorithms.value import Config
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.interrupts import run_command
-from chmarl_pb.learning.spaces import Interface, interface_of
+from chmarl_pb.learning.spaces import LearnerInterface, learner_interface_of
 from training.sizes_of_others import table_of_others
 from training.tables.row import Row
 from training.tables.rows import TABLES
@@ -51,7 +51,7 @@ class Size:
     buffer: int
 
 
-def size_of(row: Row, interface: Interface) -> Size:
+def size_of(row: Row, interface: LearnerInterface) -> Size:
     """Return how large a row's learner is on the benchmark.
 
     Raises:
@@ -95,7 +95,7 @@ def target_updates(config: RunConfig) -> int:
 def table() -> str:
     """Return the table of the learners as Markdown, from the settings of their rows."""
     env = chmarl_pb.parallel_env("scene_graph")
-    interface = interface_of(env)
+    interface = learner_interface_of(env)
     env.close()
     rows = {row.name: row for row in TABLES["scene-graph"]}
     lines = [f"| {' | '.join(_HEAD)} |", "|---|" + "--:|" * (len(_HEAD) - 1)]

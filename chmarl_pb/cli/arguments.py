@@ -154,7 +154,7 @@ def add_seeds(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=SEEDS, metavar="K", help="seeds 0 to K - 1 (default: %(default)s)")
 
 
-def seeds_of(options: argparse.Namespace) -> range:
+def chosen_seeds(options: argparse.Namespace) -> range:
     """Return the seeds that --seeds means.
 
     Raises:

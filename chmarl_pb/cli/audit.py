@@ -13,8 +13,8 @@ from chmarl_pb.cli.arguments import (
     add_played,
     add_rules,
     chosen_executor,
+    chosen_seeds,
     given_rules,
-    seeds_of,
 )
 from chmarl_pb.cli.evaluate import interval, number, percent
 from chmarl_pb.cli.output import add_json, tell
@@ -52,7 +52,7 @@ def run_audit(options: argparse.Namespace) -> int:
     out = options.out or Path("out/audit") / f"{'-'.join([options.track, split, *_differing(options)])}.json"
     with chosen_executor(options) as executor, progress_bar() as bar:
         found = audit(
-            split, seeds=seeds_of(options), executor=executor, out=out, progress=partial(_advance, bar, {}),
+            split, seeds=chosen_seeds(options), executor=executor, out=out, progress=partial(_advance, bar, {}),
             observation=options.observation or "scene_graph", tasks=options.task, **given_rules(options),
         )  # fmt: skip
     tell(

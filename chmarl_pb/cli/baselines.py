@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.progress import Progress, TaskID
 
-from chmarl_pb.cli.arguments import add_seeds, add_track, add_workers, chosen_executor, output_folder, seeds_of
+from chmarl_pb.cli.arguments import add_seeds, add_track, add_workers, chosen_executor, chosen_seeds, output_folder
 from chmarl_pb.cli.evaluate import interval, number, percent
 from chmarl_pb.cli.output import add_json, each, tell
 from chmarl_pb.envs.tracks import GROUNDED, MAX_STEPS, PAPER, TRACKS
@@ -71,7 +71,7 @@ def run_baselines(options: argparse.Namespace) -> int:
             for policy in options.policy or BUILT_IN:
                 row = bar.add_task(f"{policy} on {split}", total=None)
                 reports[split][policy] = evaluate(
-                    policy, split, seeds=seeds_of(options), executor=executor,
+                    policy, split, seeds=chosen_seeds(options), executor=executor,
                     out=options.out / f"{own}{split}-{policy}.json", reuse=True, progress=partial(_advance, bar, row),
                     track=options.track,
                 )  # fmt: skip

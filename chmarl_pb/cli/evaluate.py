@@ -21,9 +21,9 @@ from chmarl_pb.cli.arguments import (
     check_home,
     check_used,
     chosen_executor,
+    chosen_seeds,
     given_of,
     given_rules,
-    seeds_of,
 )
 from chmarl_pb.cli.output import Screen, add_json, say, tell
 from chmarl_pb.envs.options import Options
@@ -110,7 +110,7 @@ def run_evaluation(options: argparse.Namespace) -> int:
             bar.update(row, completed=finished, total=total)
 
         report = evaluate(
-            options.policy, options.split, options.observation, seeds_of(options), executor=executor,
+            options.policy, options.split, options.observation, chosen_seeds(options), executor=executor,
             tasks=tasks, out=options.out, label=options.label, env_fn=options.env, **rules,
             progress=advance, check_seats=options.check_seats,
         )  # fmt: skip

@@ -18,7 +18,7 @@ from chmarl_pb.envs.tracks import OF_TRACK
 from chmarl_pb.evaluation.drawn import draw_tasks
 from chmarl_pb.evaluation.episode_file import EpisodeFile, record_episode
 from chmarl_pb.evaluation.optimum import optimal_steps
-from chmarl_pb.evaluation.play import Player, Setup, seeds_of
+from chmarl_pb.evaluation.play import Player, Setup, seeds_to_play
 from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.limits import whole_number
 from chmarl_pb.policies.sources import find_policy
@@ -72,7 +72,7 @@ def played(options: argparse.Namespace, task: Task) -> tuple[EpisodeFile, int]:
     source, seed = find_policy(options.policy), whole_number("seed", options.seed)
     player = Player(Setup(options.policy, Options(observation_of(options), home=task.home, **rules_for(options))))
     try:
-        start, own = seeds_of(player.env, task, seed)
+        start, own = seeds_to_play(player.env, task, seed)
         file = record_episode(player.env, player.policy, source.name, start, task, policy_seed=own)
         return file, optimal_steps(player.env, task)
     finally:

@@ -88,7 +88,7 @@ class Player:
     def play(self, job: Job) -> Played:
         """Play one job; its result does not depend on those before it."""
         task, seed = job
-        start, own = seeds_of(self.env, task, seed)
+        start, own = seeds_to_play(self.env, task, seed)
         outcomes: list[Outcome] = []
         try:
             episode = rollout(self.env, self.policy, start, task, lambda core: outcomes.append(core.outcome), own)
@@ -101,7 +101,7 @@ class Player:
         self.env.close()
 
 
-def seeds_of(env: Any, task: AnyTask, seed: int) -> tuple[int, int]:
+def seeds_to_play(env: Any, task: AnyTask, seed: int) -> tuple[int, int]:
     """Return the seeds of an episode, and of the policy in it; the environment is to be reset before it is played on.
 
     Args:

@@ -16,7 +16,7 @@ from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import AssetError
 from chmarl_pb.files import replacing
 from chmarl_pb.homes.catalog_file import OwnKind, load_catalog, next_order
-from chmarl_pb.homes.paint import Part
+from chmarl_pb.homes.paint import ColouredTriangles
 from chmarl_pb.homes.shape import Numbers, Origin, Shape, read_mesh
 from chmarl_pb.homes.simplify import simplified
 from chmarl_pb.homes.solids import Points
@@ -171,14 +171,14 @@ def _read(file: Path) -> tuple[list[Link], float | None]:
     return links, sum(masses) or None
 
 
-def _turned(part: Part, turn: Points) -> Part:
+def _turned(part: ColouredTriangles, turn: Points) -> ColouredTriangles:
     normals = part.normals @ turn.T
     return replace(
         part, corners=part.corners @ turn.T, normals=normals / np.linalg.norm(normals, axis=2, keepdims=True)
     )
 
 
-def _standing(parts: Sequence[Part], mass: float | None) -> tuple[Thing, Points]:
+def _standing(parts: Sequence[ColouredTriangles], mass: float | None) -> tuple[Thing, Points]:
     """Return a thing that stands on its origin, and the point that has become it."""
     if not parts:
         raise ValueError("has no triangles to be seen; give it a visible mesh")
@@ -187,7 +187,7 @@ def _standing(parts: Sequence[Part], mass: float | None) -> tuple[Thing, Points]
     foot, size = np.array([*(low + high)[:2] / 2, low[2]]), high - low
     if mass is None:
         mass = float(np.clip(_DENSITY * np.prod(size), MASSES[0], _HEAVIEST_GUESS))
-    merged: dict[Numbers, Part] = {}
+    merged: dict[Numbers, ColouredTriangles] = {}
     for part in (replace(part, corners=part.corners - foot) for part in parts):
         merged[part.colour] = merged[part.colour].joined(part) if part.colour in merged else part
     return Thing(tuple(merged.values()), tuple(size.tolist()), False, mass), foot

@@ -15,7 +15,7 @@ _WHITE = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class ColouredTriangles:
     """Triangles of one colour.
 
     Attributes:
@@ -28,15 +28,15 @@ class Part:
     corners: Points
     normals: Points
 
-    def joined(self, other: "Part") -> "Part":
+    def joined(self, other: "ColouredTriangles") -> "ColouredTriangles":
         """Return the triangles of both."""
         corners, normals = (
             np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("corners", "normals")
         )
-        return Part(self.colour, corners, normals)
+        return ColouredTriangles(self.colour, corners, normals)
 
 
-def parts_of(shape: Shape, frame: Points) -> list[Part]:
+def triangles_by_colour(shape: Shape, frame: Points) -> list[ColouredTriangles]:
     """Return the triangles of a shape, from its link's frame; none of what is transparent or without area."""
     if shape.colour is not None and shape.colour[3] == 0:
         return []
@@ -53,7 +53,7 @@ def parts_of(shape: Shape, frame: Points) -> list[Part]:
     colours = _colours(shape)
     kinds = {tuple(row) for row in np.unique(colours[wide], axis=0).tolist()}
     chosen = [(kind, wide & (colours == kind).all(axis=1)) for kind in sorted(kinds)]
-    return [Part(kind, corners[rows], normals[rows]) for kind, rows in chosen]
+    return [ColouredTriangles(kind, corners[rows], normals[rows]) for kind, rows in chosen]
 
 
 def _triangles(shape: Shape) -> tuple[Points, Points | None]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from chmarl_pb.homes.paint import Part
+from chmarl_pb.homes.paint import ColouredTriangles
 from chmarl_pb.homes.solids import Points
 
 _CREASE = float(np.radians(40))  # edges whose triangles turn by more stay sharp
@@ -13,7 +13,7 @@ _NOTHING = 1e-10  # square metres: smaller triangles are left out
 _WELDED = 5  # decimals of a metre to which corners are one point
 
 
-def simplified(parts: Sequence[Part], most: int) -> tuple[Part, ...]:
+def simplified(parts: Sequence[ColouredTriangles], most: int) -> tuple[ColouredTriangles, ...]:
     """Return parts that have at most so many triangles together, each as many as its share; they may keep some more.
 
     Args:
@@ -26,7 +26,7 @@ def simplified(parts: Sequence[Part], most: int) -> tuple[Part, ...]:
     return tuple(_simplified(part, max(4, most * len(part.corners) // count)) for part in parts)
 
 
-def _simplified(part: Part, most: int) -> Part:
+def _simplified(part: ColouredTriangles, most: int) -> ColouredTriangles:
     import fast_simplification  # only here: most things are within the budget
     import trimesh
 

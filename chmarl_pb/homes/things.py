@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from chmarl_pb.errors import AssetError
-from chmarl_pb.homes.paint import Part, parts_of
+from chmarl_pb.homes.paint import ColouredTriangles, triangles_by_colour
 from chmarl_pb.homes.plain import plain_mesh
 from chmarl_pb.homes.shape import Numbers, Shape, numbers_of
 from chmarl_pb.homes.solids import Points, Solid
@@ -41,7 +41,7 @@ class Thing:
         mass: kilograms; its centre is the middle of the box.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[ColouredTriangles, ...]
     size: Numbers
     round: bool
     mass: float
@@ -110,7 +110,7 @@ def _mesh_of(file: str) -> str:
     return f'<geometry><mesh filename="{file}"/></geometry>'
 
 
-def _material(part: Part) -> str:
+def _material(part: ColouredTriangles) -> str:
     rgba = " ".join(f"{channel:.3g}" for channel in (*part.colour, 1.0))
     return f'<material name="{rgba}"><color rgba="{rgba}"/></material>'
 
@@ -191,16 +191,16 @@ def thing_of(link: Link, mass: float) -> Thing:
     return Thing(parts, size, upright, mass)
 
 
-def painted(link: Link) -> tuple[Part, ...]:
+def painted(link: Link) -> tuple[ColouredTriangles, ...]:
     """Return what a camera sees of a link: its visuals, or its collisions where there are none."""
     shapes: tuple[Shape, ...] = link.visuals or link.collisions
-    found: dict[Numbers, Part] = {}
-    for part in (part for shape in shapes for part in parts_of(shape, link.frame)):
+    found: dict[Numbers, ColouredTriangles] = {}
+    for part in (part for shape in shapes for part in triangles_by_colour(shape, link.frame)):
         found[part.colour] = found[part.colour].joined(part) if part.colour in found else part
     return tuple(found.values())
 
 
-def moved(parts: tuple[Part, ...], by: Points) -> tuple[Part, ...]:
+def moved(parts: tuple[ColouredTriangles, ...], by: Points) -> tuple[ColouredTriangles, ...]:
     """Return parts that are moved by x, y, z in metres."""
     return tuple(replace(part, corners=part.corners + by) for part in parts)
 

@@ -19,7 +19,7 @@ FLAT_NAMES = "Box, a Discrete, a MultiDiscrete, a MultiBinary"
 
 
 @dataclass(frozen=True)
-class Interface:
+class LearnerInterface:
     """What a learner has to know of an environment.
 
     Attributes:
@@ -107,7 +107,7 @@ class Interface:
         )
 
 
-def interface_of(env: Any) -> Interface:
+def learner_interface_of(env: Any) -> LearnerInterface:
     """Return what a learner has to know of a ParallelEnv; resets it.
 
     Raises:
@@ -115,7 +115,7 @@ def interface_of(env: Any) -> Interface:
     """
     observations, actions = spaces_of(env)
     seen, _ = two_dicts(env.reset(seed=0))
-    interface = Interface(observations, actions, 0, _has_state(env))
+    interface = LearnerInterface(observations, actions, 0, _has_state(env))
     first = {name: interface.observed(name, seen[name]) for name in observations if name in seen}
     if not first:
         raise ValueError(

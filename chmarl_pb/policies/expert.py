@@ -25,7 +25,7 @@ class Expert(Protocol):
         """Learn what the agents have done."""
 
 
-class Part(Protocol):
+class RobotExpert(Protocol):
     """One robot of a :class:`Team`: an expert for it alone, by its own observation and info."""
 
     def reset(self, seed: int | None) -> None:
@@ -45,7 +45,7 @@ class Team:
         parts: robot -> what drives it.
     """
 
-    def __init__(self, parts: Mapping[str, Part]):
+    def __init__(self, parts: Mapping[str, RobotExpert]):
         """Take what drives each robot."""
         self.parts = dict(parts)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.policies.aiming import aimed, cells_of, held_class, number_of, putting_away
-from chmarl_pb.policies.expert import Part, Team
+from chmarl_pb.policies.expert import RobotExpert, Team
 from chmarl_pb.policies.policy import grasps
 from chmarl_pb.policies.sights import classes_in_view, messages_read, own_room
 from chmarl_pb.policies.tidying import Tidying
@@ -197,7 +197,7 @@ class SearchPolicy(Team):
             rooms: names of the rooms.
             known: the classes that instructions name.
         """
-        searches: dict[str, Part] = {}
+        searches: dict[str, RobotExpert] = {}
         for kind, able in ((GrasperSearch, True), (ScoutSearch, False)):
             robots = [name for name, names in actions.items() if grasps(names) == able]
             for number, name in enumerate(robots):

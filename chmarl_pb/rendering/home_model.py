@@ -9,7 +9,7 @@ from chmarl_pb.rendering import placing, raster
 from chmarl_pb.rendering.bounds import Sight, farthest
 from chmarl_pb.rendering.camera import Picture, light
 from chmarl_pb.rendering.canvas import canvas
-from chmarl_pb.rendering.meshes import Part, models_of, parts_of
+from chmarl_pb.rendering.meshes import LinkMesh, link_meshes_of, models_of
 from chmarl_pb.rendering.triangles import Floats, Lens, depth_of
 from chmarl_pb.world.bullet import pybullet
 
@@ -27,8 +27,8 @@ class HomeModel:
                 tell where a link is, as from the 128th on.
         """
         links = range(-1, pybullet.getNumJoints(body, physicsClientId=client))
-        (parts,) = parts_of(client, [body])
-        things: list[list[Part]] = [[] for _ in links]
+        (parts,) = link_meshes_of(client, [body])
+        things: list[list[LinkMesh]] = [[] for _ in links]
         for part in parts:
             things[part.link + 1].append(part)
         models = models_of(things, [{link: number} for number, link in enumerate(links)])

@@ -35,7 +35,7 @@ _BOX_TRIANGLES = (_FORTH, _BACK, _BACK, _FORTH, _BACK, _FORTH)
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class LinkMesh:
     """A mesh of one colour, fixed to a link.
 
     Attributes:
@@ -53,7 +53,7 @@ class Part:
     corners: NDArray[np.int32]
 
 
-def parts_of(client: int, bodies: Sequence[int]) -> list[list[Part]]:
+def link_meshes_of(client: int, bodies: Sequence[int]) -> list[list[LinkMesh]]:
     """Return the parts of each of some loaded bodies, in the order in which TinyRenderer draws them.
 
     Raises:
@@ -66,7 +66,7 @@ def parts_of(client: int, bodies: Sequence[int]) -> list[list[Part]]:
     return [list(islice(parts, len(shapes))) for shapes in own]
 
 
-def _parts(shapes: Sequence["_Shape"]) -> list[Part]:
+def _parts(shapes: Sequence["_Shape"]) -> list[LinkMesh]:
     """Return shapes in the inertial frames of their links, all worked out at once."""
     if not shapes:
         return []
@@ -79,7 +79,7 @@ def _parts(shapes: Sequence["_Shape"]) -> list[Part]:
     turned = _settled(_moved(normals, bases[of_normal], np.zeros((1, 3))))
     own, directions = (pairwise([0, *np.cumsum(number).tolist()]) for number in counts.T[:2])
     return [
-        Part(shape.link, shape.colour, moved[slice(*rows)], turned[slice(*others)], shape.mesh[2])
+        LinkMesh(shape.link, shape.colour, moved[slice(*rows)], turned[slice(*others)], shape.mesh[2])
         for shape, rows, others in zip(shapes, own, directions, strict=True)
     ]
 
@@ -219,7 +219,7 @@ def rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack(rows, axis=-1).reshape(*quaternion.shape[:-1], 3, 3)
 
 
-def models_of(bodies: Sequence[Sequence[Part]], frames: Sequence[dict[int, int]]) -> Models:
+def models_of(bodies: Sequence[Sequence[LinkMesh]], frames: Sequence[dict[int, int]]) -> Models:
     """Return bodies as arrays to draw from.
 
     Args:

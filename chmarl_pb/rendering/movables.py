@@ -18,7 +18,7 @@ from chmarl_pb.rendering import placing, raster
 from chmarl_pb.rendering.camera import Picture, light
 from chmarl_pb.rendering.canvas import canvas
 from chmarl_pb.rendering.home_views import HomeView
-from chmarl_pb.rendering.meshes import Part, models_of, parts_of
+from chmarl_pb.rendering.meshes import LinkMesh, link_meshes_of, models_of
 from chmarl_pb.robots.model import RobotModel
 from chmarl_pb.world import UPRIGHT, Client, Pose, World, loaded_graspables, quiet
 from chmarl_pb.world.bullet import pybullet
@@ -51,7 +51,7 @@ class Movables:
     def __init__(self, robots: Team, known: Catalog = BENCHMARK) -> None:
         """Load all graspables of a catalogue and the robots once, to read their meshes."""
         with quiet(), closing(Client()) as client, loaded_graspables(client.number, known) as objects:
-            things = parts_of(client.number, [thing.body for thing in objects.values()])
+            things = link_meshes_of(client.number, [thing.body for thing in objects.values()])
         self._robots = _robots(robots)
         self._inertial = {name: thing.inertial for name, thing in objects.items()}
         parts = dict(zip(objects, things, strict=True)) | self._robots.parts
@@ -118,7 +118,7 @@ class _Robots:
         self._client = self._connection.number
         with quiet():
             self._bodies = {name: model.load(self._client) for name, model, _ in team}
-        self.parts = dict(zip(self._bodies, parts_of(self._client, [*self._bodies.values()]), strict=True))
+        self.parts = dict(zip(self._bodies, link_meshes_of(self._client, [*self._bodies.values()]), strict=True))
         self._joints = {name: joints for name, _, joints in team}
 
     def poses(self, name: str, links: Iterable[int], pose: Pose, joints: Joints) -> Iterator[Pose]:
@@ -139,7 +139,7 @@ def _robots(team: Team) -> _Robots:
     return _Robots(team)
 
 
-def _links(parts: Iterable[Part]) -> list[int]:
+def _links(parts: Iterable[LinkMesh]) -> list[int]:
     """Return the links that have parts, each once."""
     return list(dict.fromkeys(part.link for part in parts))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from chmarl_pb.assets import URDF_DIR
 from chmarl_pb.errors import AssetError
-from chmarl_pb.homes.paint import Part, parts_of
+from chmarl_pb.homes.paint import ColouredTriangles, triangles_by_colour
 from chmarl_pb.homes.plain import plain_mesh
 from chmarl_pb.homes.source import Source
 from chmarl_pb.kept import Kept
@@ -103,7 +103,7 @@ class _Copy:
 
     def _seen(self, visual: Piece) -> Iterator[Element]:
         """Yield a visual for each colour."""
-        for part in (part for shape in visual.shapes for part in parts_of(shape, np.eye(4))):
+        for part in (part for shape in visual.shapes for part in triangles_by_colour(shape, np.eye(4))):
             rgba = " ".join(f"{channel:.3g}" for channel in (*part.colour, 1.0))
             element = self._element("visual", part)
             SubElement(SubElement(element, "material", name=rgba), "color", rgba=rgba)
@@ -118,7 +118,7 @@ class _Copy:
                 element.set("filename", name)
         yield collision.element
 
-    def _element(self, tag: str, part: Part) -> Element:
+    def _element(self, tag: str, part: ColouredTriangles) -> Element:
         name, content = plain_mesh(part.corners, part.normals)
         self._meshes[name] = content
         element = Element(tag)

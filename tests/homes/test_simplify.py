@@ -9,7 +9,7 @@ import trimesh
 
 from chmarl_pb.errors import AssetError
 from chmarl_pb.homes.imports import Wish, add_thing, read_file
-from chmarl_pb.homes.paint import Part
+from chmarl_pb.homes.paint import ColouredTriangles
 from chmarl_pb.homes.simplify import simplified
 from chmarl_pb.homes.things import MOST_TRIANGLES
 
@@ -63,7 +63,10 @@ def test_an_axis_that_a_file_names_is_asked_for(tmp_path: Path) -> None:
 def test_each_colour_keeps_its_share_and_edges_stay_sharp(most: int) -> None:
     fine = trimesh.creation.box((1, 1, 1)).subdivide().subdivide()
     corners = np.asarray(fine.triangles)
-    parts = [Part((1.0, 0.0, 0.0), corners, corners), Part((0.0, 1.0, 0.0), corners + 2, corners)]
+    parts = [
+        ColouredTriangles((1.0, 0.0, 0.0), corners, corners),
+        ColouredTriangles((0.0, 1.0, 0.0), corners + 2, corners),
+    ]
     few = simplified(parts, 2 * most)
     assert [part.colour for part in few] == [part.colour for part in parts]
     for part in few:

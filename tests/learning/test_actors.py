@@ -29,7 +29,7 @@ from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import expert_name
 from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.runs.validation import play_greedily
-from chmarl_pb.learning.spaces import interface_of
+from chmarl_pb.learning.spaces import learner_interface_of
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, save
 from chmarl_pb.policies.registry import make_expert, make_policy
 from tests.helpers.small_runs import EXPERT, IMITATION, MAPPO, SMALL, Constant
@@ -109,7 +109,7 @@ def test_mappo_learns_games_of_one_and_of_two_steps() -> None:
 @settings(max_examples=30)
 @given(st.lists(st.integers(1, 6), min_size=2, max_size=4), st.integers(0, 10**6))
 def test_returns_are_discounted_sums_and_advantages_are_normal(lengths: list[int], seed: int) -> None:
-    learner = Mappo("mappo", interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.9))
+    learner = Mappo("mappo", learner_interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.9))
     batch = random_batch(lengths, np.random.default_rng(seed))
     rollout = learner.compute_gae(batch)
     for row, length in enumerate(lengths):
@@ -121,7 +121,7 @@ def test_returns_are_discounted_sums_and_advantages_are_normal(lengths: list[int
 
 
 def test_with_lambda_zero_a_return_looks_one_step_ahead() -> None:
-    learner = Mappo("mappo", interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=0.0, gamma=0.9))
+    learner = Mappo("mappo", learner_interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=0.0, gamma=0.9))
     batch = random_batch([3], np.random.default_rng(0))
     values = learner.value(batch.states)[0]
     wanted = batch.rewards[0, :, 0] + 0.9 * torch.cat([values[1:3], torch.zeros(1)])
@@ -129,7 +129,7 @@ def test_with_lambda_zero_a_return_looks_one_step_ahead() -> None:
 
 
 def test_an_episode_that_was_cut_off_is_worth_what_the_critic_says_of_its_last_state() -> None:
-    learner = Mappo("mappo", interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.5))
+    learner = Mappo("mappo", learner_interface_of(TwoStepGame()), replace(MAPPO, gae_lambda=1.0, gamma=0.5))
     ended = random_batch([2, 3], np.random.default_rng(0))
     cut = replace(ended, terminated=torch.zeros_like(ended.terminated))
     last = [float(learner.value(cut.states)[row, steps]) for row, steps in ((0, 2), (1, 3))]
@@ -213,12 +213,12 @@ def test_one_step_is_enough_to_learn_from() -> None:
     learner = train(game, "mappo", config).learner
     state = learner.state()["networks"]
     assert learner.updates == 32 and all(torch.isfinite(value).all() for value in state.values())
-    start = Mappo("mappo", interface_of(game()), config).state()["networks"]
+    start = Mappo("mappo", learner_interface_of(game()), config).state()["networks"]
     assert any(not torch.equal(value, start[name]) for name, value in state.items() if name.startswith("agents"))
 
 
 def test_actors_wait_for_the_critic_only_where_they_begin_with_weights(tmp_path: Path) -> None:
-    interface = interface_of(UnevenEnv())
+    interface = learner_interface_of(UnevenEnv())
     train(UnevenEnv, "imitation", IMITATION, tmp_path, expert=EXPERT)
     imitated, first_batch = str(tmp_path / BEST), MAPPO.buffer_size
     for start, critic_starts, episodes, waits in (
@@ -245,7 +245,7 @@ def test_an_expert_of_some_agents_only_gives_finite_figures(tmp_path: Path) -> N
     losses = [row["train"] for row in read_rows(tmp_path / METRICS) if "train" in row]
     assert all(np.isfinite(list(row.values())).all() for row in losses) and losses[-1]["short_loss"] == 0
     assert losses[-1]["long_loss"] < losses[1]["long_loss"]
-    fresh = make_learner("imitation", interface_of(UnevenEnv()), IMITATION).state()["networks"]
+    fresh = make_learner("imitation", learner_interface_of(UnevenEnv()), IMITATION).state()["networks"]
     for name, value in learner.state()["networks"].items():
         assert torch.isfinite(value).all() and (name.startswith("long") or torch.equal(value, fresh[name]))
 
@@ -268,7 +268,7 @@ def random_batch(lengths: list[int], rng: np.random.Generator) -> Batch:
 def test_mappo_starts_from_weights(tmp_path: Path) -> None:
     first = replace(IMITATION, graph_pool=MAPPO.graph_pool)
     train(UnevenEnv, "imitation", first, tmp_path, expert=EXPERT)
-    interface = interface_of(UnevenEnv())
+    interface = learner_interface_of(UnevenEnv())
     started = make_learner("mappo", interface, replace(MAPPO, start=str(tmp_path / BEST)))
     kept = load(tmp_path / BEST, "value")["agents"]
     assert all(torch.equal(value, kept[name]) for name, value in started.agents.state_dict().items())
@@ -288,7 +288,7 @@ def test_mappo_starts_from_a_policy_of_ones_own_algorithm(tmp_path: Path, monkey
     name = f"{__name__}:OWN"
     train(UnevenEnv, name, MAPPO, tmp_path)
     monkeypatch.setenv("CHMARL_TRUSTED", name)
-    started = make_learner("mappo", interface_of(UnevenEnv()), replace(MAPPO, start=str(tmp_path / BEST)))
+    started = make_learner("mappo", learner_interface_of(UnevenEnv()), replace(MAPPO, start=str(tmp_path / BEST)))
     kept = load(tmp_path / BEST, "value")["agents"]
     assert all(torch.equal(value, kept[name]) for name, value in started.agents.state_dict().items())
 
@@ -354,7 +354,7 @@ def test_a_run_goes_on_without_the_weights_that_it_began_with(tmp_path: Path) ->
 
 
 def test_wrong_algorithms_and_settings_are_refused() -> None:
-    interface = interface_of(TwoStepGame())
+    interface = learner_interface_of(TwoStepGame())
     with pytest.raises(ValueError, match="use one of: iql, vdn, qmix, qtran, pqn, imitation, mappo"):
         make_learner("sarsa", interface, Config())
     with pytest.raises(ValueError, match="mappo takes a MappoConfig, not a Config"):

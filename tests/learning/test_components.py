@@ -22,7 +22,7 @@ from chmarl_pb.learning.rollouts.collect import NO_LABEL, Collector, epsilon_gre
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.learning.runs.validation import play_greedily
-from chmarl_pb.learning.spaces import interface_of
+from chmarl_pb.learning.spaces import learner_interface_of
 from tests.helpers.small_runs import CONFIGS, IMITATION, MAPPO, PQN, SMALL
 from tests.helpers.stopping import in_pieces
 from tests.helpers.telling_env import CHOICES, Teller, TellingEnv
@@ -42,7 +42,7 @@ def played(algorithm: str, choose: Any) -> tuple[Any, Batch]:
 
 
 def test_shapes_and_masks_of_two_heads() -> None:
-    assert interface_of(TellingEnv()).actions == {"teller": PAIR, "doer": 2}
+    assert learner_interface_of(TellingEnv()).actions == {"teller": PAIR, "doer": 2}
     learner, batch = played("vdn", epsilon_greedy(1.0))
     assert batch.actions["teller"].shape == batch.labels["teller"].shape == (4, 2, 2)
     assert batch.actions["doer"].shape == (4, 2, 1)

@@ -17,7 +17,7 @@ from chmarl_pb.learning.algorithms.registry import Algorithm, make_learner
 from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.components import best_action
 from chmarl_pb.learning.rollouts.batch import Batch
-from chmarl_pb.learning.spaces import Interface, interface_of
+from chmarl_pb.learning.spaces import LearnerInterface, learner_interface_of
 from training.games import TwoStepGame
 from training.theory import additive_fit, supermodular_fit
 
@@ -59,11 +59,11 @@ def test_qmix_equals_torchrl_with_equal_weights() -> None:
 
 
 def test_a_mixer_is_chosen_by_name() -> None:
-    learner = make_learner("qmix", interface_of(TwoStepGame()), Config(mixer="qmix-deep"))
+    learner = make_learner("qmix", learner_interface_of(TwoStepGame()), Config(mixer="qmix-deep"))
     assert isinstance(learner, ValueLearner) and isinstance(learner.mixer, DeepQMixer)
     for wrong in ("magic", "tests.no_such_module:Mixer", "chmarl_pb.learning.algorithms.mixers:NoMixer"):
         with pytest.raises(ValueError, match=f"mixer='{wrong}'"):
-            make_learner("qmix", interface_of(TwoStepGame()), Config(mixer=wrong))
+            make_learner("qmix", learner_interface_of(TwoStepGame()), Config(mixer=wrong))
 
 
 @pytest.mark.parametrize(
@@ -77,14 +77,14 @@ def test_a_mixer_is_chosen_by_name() -> None:
 def test_what_makes_no_network_is_refused(option: str, name: str, words: str) -> None:
     given: dict[str, Any] = {option: name}
     with pytest.raises(ValueError, match=f"{option}='{name}'.*{words}"):
-        make_learner("qmix", interface_of(TwoStepGame()), Config(**given))
+        make_learner("qmix", learner_interface_of(TwoStepGame()), Config(**given))
 
 
 def test_settings_that_a_learner_would_not_use_are_refused() -> None:
     with pytest.raises(ValueError, match="qtran learns a joint value"):
-        make_learner("qtran", interface_of(TwoStepGame()), Config(mixer="vdn"))
+        make_learner("qtran", learner_interface_of(TwoStepGame()), Config(mixer="vdn"))
     with pytest.raises(ValueError, match="at least 2"):
-        make_learner("qmix", interface_of(TwoStepGame()), Config(mixer="qmix-deep", embedding=1))
+        make_learner("qmix", learner_interface_of(TwoStepGame()), Config(mixer="qmix-deep", embedding=1))
 
 
 @pytest.mark.parametrize(
@@ -96,19 +96,19 @@ def test_settings_that_a_learner_would_not_use_are_refused() -> None:
 )  # fmt: skip
 def test_nothing_else_is_trained_under_the_name_of_an_algorithm(algorithm: str, mixer: str, instead: str) -> None:
     with pytest.raises(ValueError, match=f"mixer='{mixer}': .* another algorithm of {algorithm}; use {instead}$"):
-        make_learner(algorithm, interface_of(TwoStepGame()), Config(mixer=mixer))
+        make_learner(algorithm, learner_interface_of(TwoStepGame()), Config(mixer=mixer))
 
 
 def test_an_algorithm_may_name_its_own_mixer() -> None:
     for algorithm in ("iql", "vdn", "qmix"):
-        make_learner(algorithm, interface_of(TwoStepGame()), Config(mixer=algorithm))
+        make_learner(algorithm, learner_interface_of(TwoStepGame()), Config(mixer=algorithm))
 
 
 OWN = Algorithm(ValueLearner, Config)
 
 
 def test_an_algorithm_of_ones_own_without_a_mixer_says_so() -> None:
-    name, interface = f"{__name__}:OWN", interface_of(TwoStepGame())
+    name, interface = f"{__name__}:OWN", learner_interface_of(TwoStepGame())
     with pytest.raises(ValueError, match=f"^algorithm {name} names no mixer; give mixer=..., one of: iql, vdn, .*; or"):
         make_learner(name, interface, Config())
     assert isinstance(make_learner(name, interface, Config(mixer="qmix")), ValueLearner)
@@ -207,7 +207,7 @@ def test_what_a_gone_agent_would_do_changes_nothing(algorithm: str, cut: bool) -
     torch.manual_seed(0)
     learner = make_learner(
         algorithm,
-        Interface(dict.fromkeys("ab", spaces.Discrete(2)), {"a": 2, "b": 2}, 1, True),
+        LearnerInterface(dict.fromkeys("ab", spaces.Discrete(2)), {"a": 2, "b": 2}, 1, True),
         Config(hidden=3, gamma=0.9),
     )
     assert isinstance(learner, ValueLearner)

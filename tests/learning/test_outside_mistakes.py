@@ -20,7 +20,7 @@ from chmarl_pb.learning.networks.parts import FlatEncoder
 from chmarl_pb.learning.rollouts.collect import Collector, epsilon_greedy
 from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.runs.validation import play_greedily
-from chmarl_pb.learning.spaces import check_values, interface_of
+from chmarl_pb.learning.spaces import check_values, learner_interface_of
 from chmarl_pb.learning.storage.checkpoint import load
 from tests.helpers.small_runs import SMALL
 from tests.helpers.uneven_env import UnevenEnv
@@ -102,7 +102,7 @@ def test_other_rewards_are_refused(reward: Any) -> None:
 def test_states_that_are_no_numbers_are_refused(state: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Counting, "state", lambda self: state)
     with pytest.raises(ValueError, match=r"state\(\) returns .*not an array of numbers"):
-        interface_of(Counting())
+        learner_interface_of(Counting())
 
 
 def test_agents_without_names_or_observations_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,10 +110,10 @@ def test_agents_without_names_or_observations_are_refused(monkeypatch: pytest.Mo
     env.possible_agents = [0, 1]  # type: ignore[list-item]
     monkeypatch.setattr(env, "action_space", lambda agent: spaces.Discrete(2))
     with pytest.raises(ValueError, match="an agent named 0"):
-        interface_of(env)
+        learner_interface_of(env)
     monkeypatch.setattr(UnevenEnv, "reset", lambda self, seed=None, options=None: ({}, {}))
     with pytest.raises(ValueError, match="no observation of any"):
-        interface_of(UnevenEnv())
+        learner_interface_of(UnevenEnv())
 
 
 @pytest.mark.parametrize(("value", "held"), [(1e4, True), (np.inf, True), (1e5, False)])
@@ -126,12 +126,12 @@ def test_numbers_too_great_for_the_space_are_refused(value: float, held: bool) -
 def test_more_actions_than_a_replay_buffer_holds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(UnevenEnv, "action_space", lambda self, agent: spaces.Discrete(40_000))
     with pytest.raises(ValueError, match="32,767"):
-        interface_of(UnevenEnv())
+        learner_interface_of(UnevenEnv())
 
 
 def test_gone_agents_are_nobody_in_the_state() -> None:
     """Nor do they look as one that observes 0."""
-    interface = interface_of(UnevenEnv())
+    interface = learner_interface_of(UnevenEnv())
     long = np.ones((2, 2), np.float32)
     state = interface.state(UnevenEnv(), {"long": long})
     assert state.tolist() == [1.0] * 4 + [0.0] * 13

@@ -21,7 +21,7 @@ from chmarl_pb.learning.algorithms.registry import make_learner
 from chmarl_pb.learning.algorithms.value import ValueLearner
 from chmarl_pb.learning.rollouts.collect import Collector, epsilon_greedy
 from chmarl_pb.learning.runs.validation import play_greedily
-from chmarl_pb.learning.spaces import interface_of
+from chmarl_pb.learning.spaces import learner_interface_of
 from tests.helpers.small_runs import MAPPO, PQN, SMALL
 from training.games import MATRIX_GAMES, MatrixGame, TwoStepGame
 
@@ -81,7 +81,7 @@ def test_popart_changes_the_scale_and_not_the_values() -> None:
 
 
 def test_the_critic_of_mappo_says_the_same_after_new_returns_were_taken_in() -> None:
-    learner = Mappo("mappo", interface_of(TwoStepGame()), MAPPO)
+    learner = Mappo("mappo", learner_interface_of(TwoStepGame()), MAPPO)
     assert learner._values is not None
     states = torch.eye(3)
     before = learner.value(states)
@@ -90,7 +90,7 @@ def test_the_critic_of_mappo_says_the_same_after_new_returns_were_taken_in() -> 
 
 
 def test_soft_targets_go_a_share_of_the_way() -> None:
-    learner = make_learner("qmix", interface_of(TwoStepGame()), replace(SMALL, tau=0.25))
+    learner = make_learner("qmix", learner_interface_of(TwoStepGame()), replace(SMALL, tau=0.25))
     assert isinstance(learner, ValueLearner)
     before = [weight.clone() for weight in learner._targets.parameters()]
     with torch.no_grad():
@@ -156,7 +156,7 @@ def test_agents_that_are_cut_off_go_on_at_their_own_rate() -> None:
 def test_the_scale_of_values_does_not_follow_itself() -> None:
     """It once followed targets, which hold what it makes of the networks' values, and grew without end."""
     config = replace(SMALL, normalize_values=True, gamma=0.99, td_lambda=0.6)
-    learner = make_learner("vdn", interface_of(TwoStepGame()), config)
+    learner = make_learner("vdn", learner_interface_of(TwoStepGame()), config)
     assert isinstance(learner, ValueLearner) and learner.returns.scale is not None
     with torch.no_grad():
         for part in learner._targets.parameters():
@@ -226,7 +226,7 @@ def test_scales_are_kept_in_checkpoints() -> None:
     )  # fmt: skip
     for algorithm in ("iql", "qtran"):
         learner = train(TwoStepGame, algorithm, config).learner
-        again = make_learner(algorithm, interface_of(TwoStepGame()), config)
+        again = make_learner(algorithm, learner_interface_of(TwoStepGame()), config)
         again.restore(learner.state(), Path("last.pt"))
         for name, part in learner.state()["scales"].items():
             assert torch.equal(part, again.state()["scales"][name]) and torch.isfinite(part).all()

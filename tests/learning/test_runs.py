@@ -29,7 +29,7 @@ from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import expert_name
 from chmarl_pb.learning.runs.run import BEST, LAST, Run
 from chmarl_pb.learning.runs.validation import by_return, by_tasks
-from chmarl_pb.learning.spaces import Interface, interface_of, spaces_of
+from chmarl_pb.learning.spaces import LearnerInterface, learner_interface_of, spaces_of
 from chmarl_pb.learning.storage.checkpoint import FORMAT, RENAMED, CheckpointError, load, save
 from chmarl_pb.tasks.splits import SPLITS
 from tests.helpers.small_runs import CONFIGS, EXPERT, MAPPO, PQN, SMALL, VALUE
@@ -53,7 +53,7 @@ def test_interface_of_uneven_agents(collector: Collector) -> None:
     interface = collector.interface
     assert interface.actions == {"long": 3, "short": 2}
     assert not interface.has_state and interface.state_size == 4 + 10 + 3
-    assert interface_of(MatrixGame(MATRIX_GAMES["additive"])).has_state
+    assert learner_interface_of(MatrixGame(MATRIX_GAMES["additive"])).has_state
 
 
 def test_collected_steps_know_who_acted_and_who_ended(collector: Collector) -> None:
@@ -264,7 +264,7 @@ def test_multi_discrete_and_multi_binary_observations_are_learned_from(monkeypat
     env, seen = UnevenEnv(), Dict({"counts": counts, "bits": bits})
     monkeypatch.setattr(UnevenEnv, "observation_space", lambda self, agent: seen)
     spaces = spaces_of(env)[0]
-    interface = Interface(spaces, dict.fromkeys(spaces, 2), 0, False)
+    interface = LearnerInterface(spaces, dict.fromkeys(spaces, 2), 0, False)
     assert len(interface.state(env, {name: seen.sample() for name in spaces})) == 9 * len(spaces)
 
 
@@ -448,7 +448,7 @@ def test_checkpoint_runs_no_code(tmp_path: Path) -> None:
 def test_other_architecture_is_refused(tmp_path: Path) -> None:
     train(UnevenEnv, "vdn", SMALL, tmp_path)
     content = load(tmp_path / LAST)
-    other = ValueLearner("vdn", interface_of(UnevenEnv()), replace(SMALL, hidden=9))
+    other = ValueLearner("vdn", learner_interface_of(UnevenEnv()), replace(SMALL, hidden=9))
     with pytest.raises(CheckpointError, match=r"last\.pt: its weights do not fit"):
         other.restore(content["learner"], tmp_path / LAST)
 

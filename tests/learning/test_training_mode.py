@@ -17,7 +17,7 @@ from chmarl_pb.learning.networks.encoders import build_encoder
 from chmarl_pb.learning.rollouts.collect import Collector
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
 from chmarl_pb.learning.runs.validation import by_return
-from chmarl_pb.learning.spaces import interface_of
+from chmarl_pb.learning.spaces import learner_interface_of
 from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL
 from tests.helpers.stopping import in_pieces
 from tests.helpers.uneven_env import UnevenEnv
@@ -84,7 +84,7 @@ def test_targets_and_what_actions_are_compared_with_draw_nothing(algorithm: str)
 
 
 def test_targets_begin_as_weights_that_were_given_after_they_were_made() -> None:
-    config, interface = replace(SMALL, target_update_interval=1000), interface_of(UnevenEnv())
+    config, interface = replace(SMALL, target_update_interval=1000), learner_interface_of(UnevenEnv())
     learner = ValueLearner("vdn", interface, config)
     with torch.no_grad():
         for weight in learner.networks.parameters():

@@ -22,7 +22,7 @@ from chmarl_pb.learning.rollouts.batched import play_together
 from chmarl_pb.learning.rollouts.collect import Collector, epsilon_greedy
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.learning.runs.run import LAST, _success
-from chmarl_pb.learning.spaces import interface_of
+from chmarl_pb.learning.spaces import learner_interface_of
 from chmarl_pb.learning.storage.checkpoint import CheckpointError
 from tests.helpers.small_runs import CONFIGS, IMITATION, SMALL, Constant
 from tests.helpers.uneven_env import UnevenEnv
@@ -240,7 +240,7 @@ def test_spaces_without_numbers_are_refused(space: Any, where: str) -> None:
     env = UnevenEnv()
     env._spaces["long"] = space
     with pytest.raises(ValueError, match=where):
-        interface_of(env)
+        learner_interface_of(env)
 
 
 class Empty(UnevenEnv):

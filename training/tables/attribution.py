@@ -23,7 +23,7 @@ AFTER = """MAPPO after imitation in generated homes was tried on validation task
 
 
 @dataclass(frozen=True)
-class Part:
+class Line:
     """One line.
 
     Attributes:
@@ -40,26 +40,26 @@ class Part:
 
 
 PARTS = (
-    Part("scene-graph", "BC decentralized + messages", "clones of the planner, mean pool", 0),
-    Part("scene-graph", "BC decentralized + messages, grounded", "the encoder that ties words to things", 1),
-    Part("scene-graph", "Imitation of planner", "the planner asked in the learner's own states, as DAgger has it", 2),
-    Part("scene-graph", "Imitation of search", "*search* as the teacher, who has to look for things, too", 3),
-    Part("scene-graph", "Imitation of belief", "*belief* as the teacher", 4),
-    Part("scene-graph", "Imitation of belief, then MAPPO", "then MAPPO, in the same five homes", 5),
-    Part("scene-graph", "Imitation of belief, generated homes", "generated homes in place of the five; no MAPPO", 5),
-    Part(
+    Line("scene-graph", "BC decentralized + messages", "clones of the planner, mean pool", 0),
+    Line("scene-graph", "BC decentralized + messages, grounded", "the encoder that ties words to things", 1),
+    Line("scene-graph", "Imitation of planner", "the planner asked in the learner's own states, as DAgger has it", 2),
+    Line("scene-graph", "Imitation of search", "*search* as the teacher, who has to look for things, too", 3),
+    Line("scene-graph", "Imitation of belief", "*belief* as the teacher", 4),
+    Line("scene-graph", "Imitation of belief, then MAPPO", "then MAPPO, in the same five homes", 5),
+    Line("scene-graph", "Imitation of belief, generated homes", "generated homes in place of the five; no MAPPO", 5),
+    Line(
         "scene-graph", "Imitation of belief, generated homes, words parsed",
         "instructions read by the rule of the built-in searches, in place of a network that learns to read", 7,
     ),
-    Part(
+    Line(
         "visual", "Imitation of belief, generated homes, ResNet-18",
         "pictures by ResNet-18, to which nothing ties words", 7,
     ),
-    Part("visual", "Imitation of belief, generated homes", "our detector, and words tied to what it finds", 9),
+    Line("visual", "Imitation of belief, generated homes", "our detector, and words tied to what it finds", 9),
 )  # fmt: skip
 
 
-def attribution(records: Records, parts: Sequence[Part] = PARTS) -> str:
+def attribution(records: Records, parts: Sequence[Line] = PARTS) -> str:
     """Return the section as Markdown."""
     head = ("", "what changes", "seeds", *SPLITS, "more than", *(f"PLW more, {split}" for split in SPLITS[2:]))
     lines = [f"| {' | '.join(head)} |", "|--:|---|---|" + "--:|" * (len(SPLITS) + 3)]
@@ -74,11 +74,11 @@ def attribution(records: Records, parts: Sequence[Part] = PARTS) -> str:
     return "\n\n".join([NOTE.strip(), "\n".join(lines), AFTER.strip()])
 
 
-def _row(part: Part) -> Row:
+def _row(part: Line) -> Row:
     return next(row for row in TABLES[part.table] if row.name == part.row)
 
 
-def _more(records: Records, part: Part, before: Part, split: str) -> str:
+def _more(records: Records, part: Line, before: Line, split: str) -> str:
     """Return the points of PLW that one line has more than another, with a sign; "" if one of them has not been run."""
     ours, theirs = (values(runs_of(_row(one), records), METRICS["PLW"], split) for one in (part, before))
     return f"{100 * (fmean(ours) - fmean(theirs)):+.1f}" if ours and theirs else ""

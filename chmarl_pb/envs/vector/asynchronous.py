@@ -8,7 +8,7 @@ from gymnasium.error import AlreadyPendingCallError
 from gymnasium.vector import AutoresetMode
 
 from chmarl_pb.envs.vector.asking import Asking
-from chmarl_pb.envs.vector.exchange import Seeds, Step, seeds_of, write_actions
+from chmarl_pb.envs.vector.exchange import Seeds, Step, seed_of_each, write_actions
 from chmarl_pb.envs.vector.pool import Pool
 from chmarl_pb.errors import OptionError
 from chmarl_pb.world import Uncopied
@@ -66,7 +66,7 @@ class HouseholdAsyncEnv(Uncopied, Asking):
             AlreadyPendingCallError: an environment has not been received yet.
             OptionError: the seeds do not fit the environments.
         """
-        seeds = seeds_of(seed, self.num_envs)
+        seeds = seed_of_each(seed, self.num_envs)
         if self._pool.under_way.any():
             raise AlreadyPendingCallError("environments are under way; receive them before a reset", "async_reset")
         self._pool.begin("reset", range(self.num_envs), seeds, [options or None] * self.num_envs, None)

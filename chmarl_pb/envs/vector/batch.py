@@ -20,7 +20,7 @@ _KNOWN = ("gymnasium", "chmarl_pb")  # packages whose wrappers and environments 
 _EVERY = 0.001  # seconds between parts of an answer: who gathers them does so while other environments are stepped
 
 
-class Part(NamedTuple):
+class PartialAnswer(NamedTuple):
     """A part of the answer to a reset or a step.
 
     Attributes:
@@ -87,7 +87,7 @@ class Batch:
         options: Sequence[Any],
         mask: np.ndarray | None,
         chosen: Sequence[int] | None = None,
-    ) -> Iterator[Part]:
+    ) -> Iterator[PartialAnswer]:
         """Reset the environments, or those that a mask names.
 
         Args:
@@ -107,13 +107,13 @@ class Batch:
 
         return self._in_parts(begin, chosen)
 
-    def step(self, chosen: Sequence[int] | None = None) -> Iterator[Part]:
+    def step(self, chosen: Sequence[int] | None = None) -> Iterator[PartialAnswer]:
         """Step environments, all if none are chosen, by their actions in the memory; reset those that are due."""
         return self._in_parts(self._step, chosen)
 
-    def _in_parts(self, act: Callable[[int], dict[str, Any]], chosen: Sequence[int] | None) -> Iterator[Part]:
+    def _in_parts(self, act: Callable[[int], dict[str, Any]], chosen: Sequence[int] | None) -> Iterator[PartialAnswer]:
         """Let environments act one after the other, and yield what has been done once in a while."""
-        part, end = Part([], []), time.perf_counter() + _EVERY
+        part, end = PartialAnswer([], []), time.perf_counter() + _EVERY
         for number in self.numbers if chosen is None else chosen:
             index = number - self.numbers.start
             change = self._finders[index].change(act(index))
@@ -121,7 +121,7 @@ class Batch:
             part.changes.append(change)
             if time.perf_counter() >= end:
                 yield part
-                part, end = Part([], []), time.perf_counter() + _EVERY
+                part, end = PartialAnswer([], []), time.perf_counter() + _EVERY
         if part.numbers:
             yield part
 

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
 from gymnasium.vector import AutoresetMode
 
-from chmarl_pb.envs.vector.batch import Batch, MakeEnv, Part
+from chmarl_pb.envs.vector.batch import Batch, MakeEnv, PartialAnswer
 from chmarl_pb.envs.vector.memory import Memory, Signature, shared_file
 from chmarl_pb.envs.vector.sending import Sent, pickled
 from chmarl_pb.envs.vector.worker import Failure, listen, serve, wait_for_message
@@ -57,7 +57,7 @@ class AnyEngine(Protocol):
     def receive(self) -> list[Any]:
         """Return an answer of each environment, in their order; not to a reset or a step."""
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self) -> Iterator[PartialAnswer]:
         """Yield the answers to a reset or a step, as environments are ready."""
 
     def close(self) -> None:
@@ -185,7 +185,7 @@ class Engine(Uncopied):
         self._command = None
         return gathered(self._shares, answers, command, self.close)
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self) -> Iterator[PartialAnswer]:
         """Carry out a reset or a step; yield its answers as they come, so that the last leave little to be gathered.
 
         Raises:
@@ -215,12 +215,12 @@ class Engine(Uncopied):
         """Wait until workers have answered, and return their numbers."""
         return [self._workers[file] for file, _ in wait_for_message(self._watch)]
 
-    def _part(self, worker: int) -> Part:
+    def _part(self, worker: int) -> PartialAnswer:
         """Return a worker's next part of the answer to a reset or a step."""
         part = self._message(worker)
         if isinstance(part, Failure):
             raise _raised(part, self._shares[worker + 1])
-        assert isinstance(part, Part)
+        assert isinstance(part, PartialAnswer)
         return part
 
     def _own(self, command: str, arguments: tuple[Any, ...]) -> list[Any] | Failure:

@@ -17,7 +17,7 @@ from chmarl_pb.envs.vector.asking import Asking
 from chmarl_pb.envs.vector.asynchronous import HouseholdAsyncEnv
 from chmarl_pb.envs.vector.batch import MakeEnv
 from chmarl_pb.envs.vector.engine import AnyEngine, processes_of, start
-from chmarl_pb.envs.vector.exchange import Seeds, Step, gather, seeds_of, write_actions
+from chmarl_pb.envs.vector.exchange import Seeds, Step, gather, seed_of_each, write_actions
 from chmarl_pb.envs.vector.pool import Pool
 from chmarl_pb.errors import OptionError
 from chmarl_pb.limits import whole_number
@@ -74,7 +74,7 @@ class HouseholdVectorEnv(Uncopied, Asking, VectorEnv):
         """
         options = dict(options or {})
         mask = self._mask(options.pop("reset_mask")) if "reset_mask" in options else None
-        self._engine.send("reset", seeds_of(seed, self.num_envs), [options or None] * self.num_envs, mask)
+        self._engine.send("reset", seed_of_each(seed, self.num_envs), [options or None] * self.num_envs, mask)
         return self._observations(), self._table.infos()
 
     def step(self, actions: Any) -> Step:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from chmarl_pb.envs.vector.batch import Part
+from chmarl_pb.envs.vector.batch import PartialAnswer
 from chmarl_pb.envs.vector.engine import AnyEngine
 from chmarl_pb.errors import ActionError, OptionError
 from chmarl_pb.limits import whole_number
@@ -16,7 +16,7 @@ Seeds = int | Sequence[int | None] | None
 Step = tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]
 
 
-def seeds_of(seed: Seeds, count: int) -> list[int | None]:
+def seed_of_each(seed: Seeds, count: int) -> list[int | None]:
     """Return a seed for each environment: those from a number on, or those of a list.
 
     Raises:
@@ -55,7 +55,7 @@ def write_actions(engine: AnyEngine, actions: Any, numbers: np.ndarray | None = 
         raise ActionError(f"actions {actions!r} are not an array {shape} of {place.dtype}: {error}") from error
 
 
-def gather(engine: AnyEngine, note: Callable[[Part], None], copy: bool = True) -> dict[str, np.ndarray]:
+def gather(engine: AnyEngine, note: Callable[[PartialAnswer], None], copy: bool = True) -> dict[str, np.ndarray]:
     """Wait until all environments have answered to a reset or a step.
 
     What is there is noted and copied while others are still at work, so that little is left at the end.

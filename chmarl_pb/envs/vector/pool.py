@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.error import NoAsyncCallError
 from gymnasium.vector import AutoresetMode
 
-from chmarl_pb.envs.vector.batch import MakeEnv, Part
+from chmarl_pb.envs.vector.batch import MakeEnv, PartialAnswer
 from chmarl_pb.envs.vector.engine import Engine
 from chmarl_pb.envs.vector.infos import Change
 from chmarl_pb.envs.vector.worker import Failure
@@ -105,7 +105,7 @@ class Pool(Engine):
         while found := self._watch.poll(0):
             yield from (self._workers[file] for file, _ in found)
 
-    def _keep(self, part: Part) -> None:
+    def _keep(self, part: PartialAnswer) -> None:
         self._ready_answers.extend(zip(part.numbers, part.changes, strict=True))
 
     def _post(self, worker: int, message: bytes) -> None:
@@ -135,7 +135,7 @@ class Pool(Engine):
     def _answer(self, worker: int) -> list[Any] | Failure:
         """Return what a worker answers to the command; keep what it had to answer before."""
         while True:
-            answer: list[Any] | Part | Failure = self._message(worker)
-            if not isinstance(answer, Part):
+            answer: list[Any] | PartialAnswer | Failure = self._message(worker)
+            if not isinstance(answer, PartialAnswer):
                 return answer
             self._keep(answer)

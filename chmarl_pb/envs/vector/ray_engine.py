@@ -7,7 +7,7 @@ from typing import Any
 from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
 from gymnasium.vector import AutoresetMode
 
-from chmarl_pb.envs.vector.batch import MakeEnv, Part
+from chmarl_pb.envs.vector.batch import MakeEnv, PartialAnswer
 from chmarl_pb.envs.vector.engine import gathered
 from chmarl_pb.envs.vector.memory import Memory, Signature
 from chmarl_pb.envs.vector.sending import Sent, pickled
@@ -103,10 +103,10 @@ class RayEngine(Uncopied):
                 array[share.start : share.stop] = row
         return gathered(self._shares, [answer for answer, _ in answers], command, self.close)
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self) -> Iterator[PartialAnswer]:
         """Yield the answer to a reset or a step, all of it at once; see :meth:`receive`."""
         changes = self.receive()
-        yield Part(list(range(len(changes))), changes)
+        yield PartialAnswer(list(range(len(changes))), changes)
 
     def _get(self, refs: list[Any]) -> list[Any]:
         try:

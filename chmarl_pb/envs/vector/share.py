@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import CloudpickleWrapper
 
-from chmarl_pb.envs.vector.batch import Batch, Part
+from chmarl_pb.envs.vector.batch import Batch, PartialAnswer
 from chmarl_pb.envs.vector.infos import Change
 from chmarl_pb.envs.vector.memory import Memory, Signature
 from chmarl_pb.envs.vector.worker import IN_PARTS, Failure, failure
@@ -45,7 +45,7 @@ def written(memory: Memory) -> list[np.ndarray]:
     return [*memory.observations.values(), memory.rewards, memory.terminated, memory.truncated]
 
 
-def _changes(parts: Iterable[Part]) -> list[Change]:
+def _changes(parts: Iterable[PartialAnswer]) -> list[Change]:
     """Return the changes of all environments, in their order."""
     changes = {number: change for part in parts for number, change in zip(part.numbers, part.changes, strict=True)}
     return [changes[number] for number in sorted(changes)]

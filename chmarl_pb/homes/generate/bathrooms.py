@@ -1,7 +1,7 @@
 """Bathrooms: a counter under a mirror, a toilet, a bathtub or a shower, and a towel rack."""
 
 from chmarl_pb.homes.generate.extras import Extra, put_alone, put_extras
-from chmarl_pb.homes.generate.groups import Part, at_wall, extent, group
+from chmarl_pb.homes.generate.groups import Piece, at_wall, extent, group
 from chmarl_pb.homes.generate.site import Site
 
 _MIRROR, _CABINET = 105, 125  # heights over a counter
@@ -45,5 +45,5 @@ def _rug(site: Site) -> bool:
     for wanted in ("bathtub", "shower", "bathroom_counter"):
         for part, pose in site.parts:
             if part.thing_class == wanted:
-                return site.at(group(Part("rug_bath", part.u, part.area[3] + extent("rug_bath").x1 + 4)), pose)
+                return site.at(group(Piece("rug_bath", part.u, part.area[3] + extent("rug_bath").x1 + 4)), pose)
     return False

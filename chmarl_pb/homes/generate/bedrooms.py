@@ -2,7 +2,7 @@
 
 from chmarl_pb.homes.generate.desks import desk
 from chmarl_pb.homes.generate.extras import Extra, put_alone, put_extras
-from chmarl_pb.homes.generate.groups import Group, Part, at_wall, extent, group, wide
+from chmarl_pb.homes.generate.groups import Group, Piece, at_wall, extent, group, wide
 from chmarl_pb.homes.generate.site import Site
 
 _NIGHTSTANDS = ("nightstand_drawer", "nightstand_round")
@@ -50,7 +50,7 @@ def _bed(site: Site, double: bool, tables: int) -> Group:
     keep = [foot, *(lanes if double else lanes[1:])]
     rugs = []
     if site.draws.chance(65):
-        rugs = [Part("rug_rect", 0, bed.v + 45, 0) if double else Part("rug_round", 0, bed.v + 55)]
+        rugs = [Piece("rug_rect", 0, bed.v + 45, 0) if double else Piece("rug_round", 0, bed.v + 55)]
     return group(*rugs, bed, *stands, keep=keep)
 
 
@@ -59,7 +59,7 @@ def _dresser(site: Site) -> bool:
     draws = site.draws
     for model in draws.shuffled(_DRESSERS):
         chest, high = at_wall(model), extent(model).height
-        extras: list[Part] = []
+        extras: list[Piece] = []
         if model == "dresser_wide":
             if draws.chance(70):
                 extras.append(at_wall("table_lamp_shade", draws.one_of((-45, 45)), z=high, gap=8))

@@ -60,7 +60,7 @@ def _centimetres(metres: float) -> int:
 
 
 @dataclass(frozen=True)
-class Part:
+class Piece:
     """One piece of a group: its model, where its origin is, its turn to the left in degrees and its bottom's height."""
 
     model: str
@@ -120,7 +120,7 @@ class Group:
         sided: whether it cannot be mirrored.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[Piece, ...]
     keep: tuple[Area, ...] = ()
     stands: tuple[tuple[Area, ...], ...] = ()
     margin: int = 0
@@ -138,7 +138,7 @@ class Group:
         return u0 - self.margin, v0 - self.margin, u1 + self.margin, v1 + self.margin
 
     @cached_property
-    def solid(self) -> tuple[Part, ...]:
+    def solid(self) -> tuple[Piece, ...]:
         """Its parts but for rugs, on which others may stand."""
         return tuple(part for part in self.parts if part.thing_class != "rug")
 
@@ -149,7 +149,7 @@ def around(areas: Sequence[Area]) -> Area:
     return min(u0), min(v0), max(u1), max(v1)
 
 
-def group(*parts: Part, keep: Sequence[Area] = (), margin: int = 0) -> Group:
+def group(*parts: Piece, keep: Sequence[Area] = (), margin: int = 0) -> Group:
     """Return a group with the free floor that its parts need."""
     fronts = [part.front(_front(part)) for part in parts if _front(part)]
     stands = [_stands(part) for part in parts if part.thing_class in BENCHMARK.receptacles]
@@ -157,9 +157,9 @@ def group(*parts: Part, keep: Sequence[Area] = (), margin: int = 0) -> Group:
     return Group(tuple(parts), (*keep, *fronts), tuple(stands), margin, sided)
 
 
-def at_wall(model: str, u: int = 0, z: int = 0, gap: int = 0) -> Part:
+def at_wall(model: str, u: int = 0, z: int = 0, gap: int = 0) -> Piece:
     """Return a piece with its back to the wall of its group, or so far off it."""
-    return Part(model, u, gap - extent(model).x0, 0, z)
+    return Piece(model, u, gap - extent(model).x0, 0, z)
 
 
 def wide(model: str) -> int:
@@ -167,12 +167,12 @@ def wide(model: str) -> int:
     return extent(model).y1 - extent(model).y0
 
 
-def moved(part: Part, u: int, v: int) -> Part:
+def moved(part: Piece, u: int, v: int) -> Piece:
     """Return a part elsewhere."""
     return replace(part, u=part.u + u, v=part.v + v)
 
 
-def _front(part: Part) -> int:
+def _front(part: Piece) -> int:
     """Return how much floor before a part must stay free."""
     if part.z:
         return 0
@@ -180,7 +180,7 @@ def _front(part: Part) -> int:
     return _FRONTS.get(part.thing_class, FRONT if part.thing_class in BENCHMARK.receptacles and not free else 0)
 
 
-def _stands(part: Part) -> tuple[Area, ...]:
+def _stands(part: Piece) -> tuple[Area, ...]:
     """Return where a robot may stand to reach what lies on a part."""
     if part.model == "chair_armchair":
         return (part.front(FRONT),)

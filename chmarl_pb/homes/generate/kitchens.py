@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from chmarl_pb.homes.generate.extras import Extra, put_extras
-from chmarl_pb.homes.generate.groups import Part, at_wall, group, wide
+from chmarl_pb.homes.generate.groups import Piece, at_wall, group, wide
 from chmarl_pb.homes.generate.site import Site
 
 _GAP = 1
@@ -48,7 +48,7 @@ def more(site: Site) -> None:
     """Put in what a kitchen may have."""
     _upper(site)
     if site.area > _LARGE and site.draws.chance(30):
-        site.in_middle(group(Part("kitchen_counter_island"), margin=85))
+        site.in_middle(group(Piece("kitchen_counter_island"), margin=85))
     if site.draws.chance(80):
         _microwave(site)
     put_extras(site, _MAY)

@@ -2,7 +2,7 @@
 
 from chmarl_pb.homes.generate.desks import desk
 from chmarl_pb.homes.generate.extras import Extra, put_extras
-from chmarl_pb.homes.generate.groups import Group, Part, at_wall, extent, group
+from chmarl_pb.homes.generate.groups import Group, Piece, at_wall, extent, group
 from chmarl_pb.homes.generate.site import Site
 
 _SOFAS = ("sofa_two", "sofa_three", "sofa_chaise")
@@ -57,15 +57,15 @@ def _lounge(site: Site, stand: str, table: str, sofa: str, far: int) -> Group | 
     if at - extent(table).x1 < board.area[3] + _WAY:
         return None
     screen = at_wall("tv_flat", z=extent(stand).height, gap=4)
-    parts = [board, screen, Part(table, aside, at), Part(sofa, 0, far + extent(sofa).x0, 180)]
+    parts = [board, screen, Piece(table, aside, at), Piece(sofa, 0, far + extent(sofa).x0, 180)]
     if site.draws.chance(85):
-        parts.append(Part("rug_round" if table == "coffee_table_round" else "rug_rect", aside, at))
+        parts.append(Piece("rug_round" if table == "coffee_table_round" else "rug_rect", aside, at))
     if site.draws.chance(45):
         side = site.draws.one_of((-1, 1))
-        parts.append(Part("chair_armchair", side * 165, at, -90 * side))
+        parts.append(Piece("chair_armchair", side * 165, at, -90 * side))
     return group(*parts)
 
 
 def _piano(site: Site) -> bool:
     piano = at_wall("piano_upright")
-    return site.against_wall(group(piano, Part("stool_wood", 0, piano.area[3] + 25)))
+    return site.against_wall(group(piano, Piece("stool_wood", 0, piano.area[3] + 25)))

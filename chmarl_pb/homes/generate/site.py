@@ -8,7 +8,7 @@ import numpy as np
 from chmarl_pb.catalog import room_kind
 from chmarl_pb.homes.generate.draws import Draws
 from chmarl_pb.homes.generate.free_floor import FreeFloor
-from chmarl_pb.homes.generate.groups import Group, Part
+from chmarl_pb.homes.generate.groups import Group, Piece
 from chmarl_pb.homes.generate.looks import Looks, Pair, channels
 from chmarl_pb.homes.generate.plan import Box
 from chmarl_pb.homes.generate.spots import (
@@ -54,7 +54,7 @@ class Site:
     looks: Looks
     draws: Draws
     things: list[Furniture]
-    parts: list[tuple[Part, Pose]] = field(default_factory=list)
+    parts: list[tuple[Piece, Pose]] = field(default_factory=list)
     _colours: dict[str, Pair] = field(default_factory=dict)
 
     @property
@@ -120,7 +120,7 @@ class Site:
                 self.things.append(self._thing(part, pose))
         return admitted
 
-    def _thing(self, part: Part, pose: Pose) -> Furniture:
+    def _thing(self, part: Piece, pose: Pose) -> Furniture:
         x, y, _, _ = placed((part.u, part.v, part.u, part.v), pose)
         yaw = (pose.yaw + pose.mirror * part.turn) % 360
         if part.thing_class not in self._colours:  # those of one class and room are a set

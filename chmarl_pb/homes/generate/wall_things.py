@@ -1,6 +1,6 @@
 """What hangs on walls: windows on outer ones, radiators under them, pictures and mirrors where a wall is free."""
 
-from chmarl_pb.homes.generate.groups import Group, Part, at_wall, extent, group
+from chmarl_pb.homes.generate.groups import Group, Piece, at_wall, extent, group
 from chmarl_pb.homes.generate.site import Site
 
 _PICTURES = ("picture_abstract", "picture_landscape", "picture_portrait")
@@ -51,4 +51,4 @@ def radiator(site: Site) -> None:
 
 
 def _window(model: str, sill: int) -> Group:
-    return group(Part(model, 0, -extent(model).x0, 0, sill))
+    return group(Piece(model, 0, -extent(model).x0, 0, sill))

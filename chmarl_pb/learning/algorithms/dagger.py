@@ -21,7 +21,7 @@ from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.rollouts.collect import NO_LABEL, Choose
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
-from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.spaces import LearnerInterface
 from chmarl_pb.learning.storage.checkpoint import fill, fill_optimizer
 
 
@@ -74,7 +74,7 @@ class DAgger:
         updates: gradient steps that were taken.
     """
 
-    def __init__(self, algorithm: str, interface: Interface, config: DAggerConfig):
+    def __init__(self, algorithm: str, interface: LearnerInterface, config: DAggerConfig):
         """Make networks whose first weights depend on ``config.seed`` alone."""
         self.algorithm, self.config, self.updates = algorithm, config, 0
         with torch.random.fork_rng(devices=[]):

@@ -25,7 +25,7 @@ from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.rollouts.collect import Choose
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
-from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.spaces import LearnerInterface
 from chmarl_pb.learning.storage.checkpoint import fill, fill_optimizer
 
 
@@ -119,7 +119,7 @@ class Mappo:
         updates: gradient steps that were taken.
     """
 
-    def __init__(self, algorithm: str, interface: Interface, config: MappoConfig):
+    def __init__(self, algorithm: str, interface: LearnerInterface, config: MappoConfig):
         """Make networks whose first weights depend on ``config.seed`` alone."""
         self.algorithm, self.config = algorithm, config
         self.updates, self._learned = 0, 0

@@ -23,7 +23,7 @@ from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.rollouts.collect import Choose, epsilon_after, epsilon_greedy
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
-from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.spaces import LearnerInterface
 from chmarl_pb.learning.storage.checkpoint import fill, fill_optimizer
 
 
@@ -86,7 +86,7 @@ class Pqn:
         updates: gradient steps that were taken.
     """
 
-    def __init__(self, algorithm: str, interface: Interface, config: PqnConfig):
+    def __init__(self, algorithm: str, interface: LearnerInterface, config: PqnConfig):
         """Make networks whose first weights depend on ``config.seed`` alone.
 
         Raises:

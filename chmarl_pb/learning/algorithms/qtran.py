@@ -20,7 +20,7 @@ from chmarl_pb.learning.algorithms.losses import (
 from chmarl_pb.learning.algorithms.value import ValueLearner
 from chmarl_pb.learning.components import of_each
 from chmarl_pb.learning.rollouts.batch import Batch
-from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.spaces import LearnerInterface
 
 
 class QtranNetworks(nn.Module):
@@ -35,7 +35,7 @@ class QtranNetworks(nn.Module):
 
     per_agent = False
 
-    def __init__(self, interface: Interface, hidden: int, units: int):
+    def __init__(self, interface: LearnerInterface, hidden: int, units: int):
         """Make the layers for the agents of an environment, with histories of size ``hidden``."""
         super().__init__()
         sizes = [of_each(counts) for counts in interface.actions.values()]
@@ -66,7 +66,7 @@ class Qtran(ValueLearner):
     of double Q: the next actions are those that the networks in training think best.
     """
 
-    def make_mixer(self, interface: Interface) -> nn.Module:
+    def make_mixer(self, interface: LearnerInterface) -> nn.Module:
         """Return the joint networks.
 
         Raises:

@@ -16,7 +16,7 @@ from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.benchmark_env import meaning_in, untold
 from chmarl_pb.learning.config import HOME, MEANING, RULES, TRAINED_IN, RunConfig
 from chmarl_pb.learning.lookup import look_up
-from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.spaces import LearnerInterface
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, fill, load, reading
 
 
@@ -31,7 +31,7 @@ class Algorithm:
         logits: whether its agents' values are logits of a policy, so that another such learner can begin with them.
     """
 
-    learner: Callable[[str, Interface, Any], Learner]
+    learner: Callable[[str, LearnerInterface, Any], Learner]
     config: type[RunConfig]
     imitates: bool = False
     logits: bool = False
@@ -61,7 +61,7 @@ def find_algorithm(name: str) -> Algorithm:
     return row
 
 
-def make_learner(algorithm: str, interface: Interface, config: RunConfig, resumed: bool = False) -> Learner:
+def make_learner(algorithm: str, interface: LearnerInterface, config: RunConfig, resumed: bool = False) -> Learner:
     """Return the learner of an algorithm, with the weights that its settings say to begin with.
 
     Args:

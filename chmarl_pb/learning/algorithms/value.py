@@ -20,7 +20,7 @@ from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.rollouts.batch import Batch
 from chmarl_pb.learning.rollouts.collect import Choose, epsilon_after, epsilon_greedy
 from chmarl_pb.learning.rollouts.replay_buffer import ReplayBuffer
-from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.spaces import LearnerInterface
 from chmarl_pb.learning.storage.checkpoint import fill, fill_optimizer
 
 
@@ -90,7 +90,7 @@ class ValueLearner:
         updates: gradient steps that were taken.
     """
 
-    def __init__(self, algorithm: str, interface: Interface, config: Config):
+    def __init__(self, algorithm: str, interface: LearnerInterface, config: Config):
         """Make networks whose first weights depend on ``config.seed`` alone.
 
         Raises:
@@ -114,7 +114,7 @@ class ValueLearner:
         self._optimizer = torch.optim.Adam(self._weights, lr=config.learning_rate, fused=True)
         self.updates = 0
 
-    def make_mixer(self, interface: Interface) -> nn.Module:
+    def make_mixer(self, interface: LearnerInterface) -> nn.Module:
         """Return what joins the agents' values.
 
         Raises:

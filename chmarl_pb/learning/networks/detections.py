@@ -18,7 +18,7 @@ from chmarl_pb.learning.networks.bearings import bearings_of
 from chmarl_pb.learning.networks.cells import SIZE as TAKEN
 from chmarl_pb.learning.networks.cells import cells_of
 from chmarl_pb.learning.networks.match import ROLES
-from chmarl_pb.learning.networks.parts import Asked, Part
+from chmarl_pb.learning.networks.parts import Asked, PartEncoder
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table, VectorTable, class_table, colour_table
 from chmarl_pb.tasks.language.vectors import class_vectors
 
@@ -95,7 +95,7 @@ def _colours(hues: Tensor, cells: Tensor, count: Tensor) -> Tensor:
     return torch.stack([number + 1, sure], dim=1)
 
 
-class DetectionEncoder(Part):
+class DetectionEncoder(PartEncoder):
     """Detections, pooled by what the instruction asks for, beside the sum over all classes.
 
     Each of ``HEADS`` gates, in (0, 1), compares a class with the words of the instruction; a head is the sum of the
@@ -134,7 +134,7 @@ class DetectionEncoder(Part):
         )
 
 
-class GroundedDetectionEncoder(Part):
+class GroundedDetectionEncoder(PartEncoder):
     """Features of each class that is seen, by its name and place: their mean, and what X, and Y, is like.
 
     How likely a class is X or Y follows from the words of the instruction, and among lookalikes from the colour that it
@@ -232,7 +232,7 @@ def _of_seen(detected: Tensor, wanted: Tensor) -> Tensor:
     return wanted.gather(1, detected[..., 4].long())
 
 
-def reader(shape: tuple[int, ...], meaning: nn.Linear | None, grounded: bool, lookalikes: bool) -> Part:
+def reader(shape: tuple[int, ...], meaning: nn.Linear | None, grounded: bool, lookalikes: bool) -> PartEncoder:
     """Return what reads detections; ``grounded``, by how likely each class is X, and Y, perhaps among lookalikes."""
     classes = shape[0]
     return GroundedDetectionEncoder(meaning, lookalikes, classes) if grounded else DetectionEncoder(meaning, classes)

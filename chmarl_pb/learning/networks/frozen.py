@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from chmarl_pb.errors import OptionError
 from chmarl_pb.files import cache_folder
 from chmarl_pb.learning.networks import detections, detector, efficientnet, resnet
-from chmarl_pb.learning.networks.parts import FeatureEncoder, Part
+from chmarl_pb.learning.networks.parts import FeatureEncoder, PartEncoder
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_whole, tensors_of
 from chmarl_pb.policies.weights import ENCODER, checked_file, published, published_encoders
 
@@ -46,7 +46,7 @@ class Kind:
 
     build: Build
     shapes: tuple[tuple[int, ...], ...]
-    reader: Callable[[tuple[int, ...], nn.Linear | None, bool, bool], Part]
+    reader: Callable[[tuple[int, ...], nn.Linear | None, bool, bool], PartEncoder]
 
 
 FROZEN_ENCODERS: dict[str, Kind] = {

@@ -10,7 +10,7 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.graph_batch import Nodes, mean_of, propagation, sum_of
-from chmarl_pb.learning.networks.parts import Asked, Part, id_count
+from chmarl_pb.learning.networks.parts import Asked, PartEncoder, id_count
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table, class_table, colour_table, embedding
 
 GRAPH = 64  # features of a node after each graph convolution
@@ -20,7 +20,7 @@ HEADS, KEY, VALUE = 8, 32, 16  # of gated pooling: questions that are asked of e
 _CLOSED = 3.0  # gates are nearly closed at first: sigmoid(-3) is 0.05
 
 
-class GraphEncoder(Part):
+class GraphEncoder(PartEncoder):
     """Class and state embeddings -> two graph convolutions -> mean over the nodes.
 
     A convolution is that of Kipf and Welling 2017 (https://arxiv.org/abs/1609.02907, eq. 2) with the bias inside,

@@ -6,12 +6,12 @@ from itertools import pairwise
 from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.frozen import frozen_encoder
-from chmarl_pb.learning.networks.parts import FeatureEncoder, Part, flattened
+from chmarl_pb.learning.networks.parts import FeatureEncoder, PartEncoder, flattened
 
 IMAGE = 256  # features of a picture
 
 
-class ConvEncoder(Part):
+class ConvEncoder(PartEncoder):
     """A small convolutional network that is trained with all the rest; for pictures of any size from 32 pixels."""
 
     size = IMAGE
@@ -68,7 +68,7 @@ class PretrainedEncoder(FeatureEncoder):
 
 
 #: Name -> encoder of pictures; made from their shape.
-IMAGE_ENCODERS: dict[str, Callable[[tuple[int, ...]], Part]] = {
+IMAGE_ENCODERS: dict[str, Callable[[tuple[int, ...]], PartEncoder]] = {
     "cnn": ConvEncoder,
     "resnet18": PretrainedEncoder,
 }

@@ -7,7 +7,7 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from chmarl_pb.learning.networks.parts import Part, flattened, id_count
+from chmarl_pb.learning.networks.parts import PartEncoder, flattened, id_count
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table, class_table, colour_table
 from chmarl_pb.learning.observation_keys import MESSAGES, SELF, goals, named
 
@@ -15,7 +15,7 @@ _HEADING = slice(-3, -1)  # of a robot's own state: cosine and sine
 _IDS = 2  # of the goal's four numbers: class ids of X and Y; the others tell whether they are in view
 
 
-class GoalEncoder(Part):
+class GoalEncoder(PartEncoder):
     """The embeddings of the classes that the goal names, and the bits as they are.
 
     Among lookalikes also that of X's colour, and Y's room as one-hot.

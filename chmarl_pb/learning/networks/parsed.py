@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from chmarl_pb.learning.networks.match import ROLES, ROOMS, Wanted, named_by
-from chmarl_pb.learning.networks.parts import Part, one_hot_of
+from chmarl_pb.learning.networks.parts import PartEncoder, one_hot_of
 from chmarl_pb.learning.networks.tables import EMBEDDING, Table
 
 
@@ -35,7 +35,7 @@ class Parsed(nn.Module):
         return wanted._replace(colours=colours, rooms=one_hot_of(labels[:, 2, 0].clamp(min=0), 1 + len(ROOMS)))
 
 
-class ParsedInstruction(Part):
+class ParsedInstruction(PartEncoder):
     """The embeddings of the classes that an instruction names; among lookalikes also of X's colour, and Y's room."""
 
     def __init__(self, classes: Table, colours: Table | None = None):

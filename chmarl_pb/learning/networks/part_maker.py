@@ -13,7 +13,7 @@ from chmarl_pb.learning.networks.grounded_graphs import GroundedGraphEncoder
 from chmarl_pb.learning.networks.images import IMAGE_ENCODERS
 from chmarl_pb.learning.networks.numbers import GoalEncoder
 from chmarl_pb.learning.networks.parsed import ParsedInstruction
-from chmarl_pb.learning.networks.parts import FlatEncoder, Part, TokenEncoder, id_count
+from chmarl_pb.learning.networks.parts import FlatEncoder, PartEncoder, TokenEncoder, id_count
 from chmarl_pb.learning.networks.readable import tells_apart
 from chmarl_pb.learning.networks.tables import Table, class_table, colour_table, word_table
 from chmarl_pb.learning.observation_keys import (
@@ -47,7 +47,7 @@ class PartMaker:
         self._pictures = named(space, IMAGE)
         self._tables: dict[int, Table] = {}  # one for each size of vocabulary: instruction and feedback share it
 
-    def part(self, key: str, beside: tuple[str, ...]) -> Part:
+    def part(self, key: str, beside: tuple[str, ...]) -> PartEncoder:
         """Return what encodes a key, with those beside it."""
         box, others = self._space[key], [self._space[other] if other else None for other in beside]
         if key in self._graphs:
@@ -69,7 +69,7 @@ class PartMaker:
         colours = colour_table(len(COLOURS) + 1, self._meaning) if tells_apart(words) else None
         return ParsedInstruction(class_table(len(BENCHMARK.rows) + 1, self._meaning), colours)
 
-    def _reader(self, key: str, features: spaces.Space[Any]) -> Part:
+    def _reader(self, key: str, features: spaces.Space[Any]) -> PartEncoder:
         """Return what reads the features of a picture; those are known under our own key alone."""
         name = self._image_encoder
         kind = look_up("image_encoder", name, FROZEN_ENCODERS) if ":" in name else FROZEN_ENCODERS.get(name)
@@ -89,7 +89,7 @@ class PartMaker:
         return kind.reader(features.shape, self._meaning, self._pool is GroundedGraphEncoder, coloured)
 
 
-def flat_or_image(space: spaces.Space[Any], image_encoder: str) -> Part:
+def flat_or_image(space: spaces.Space[Any], image_encoder: str) -> PartEncoder:
     """Return what encodes a part of a space that needs nothing else."""
     if isinstance(space, spaces.Box) and is_picture(space):
         return look_up("image_encoder", image_encoder, IMAGE_ENCODERS)(space.shape)

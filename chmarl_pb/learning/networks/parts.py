@@ -26,7 +26,7 @@ class Asked(NamedTuple):
     wanted: Wanted | None = None
 
 
-class Part(nn.Module):
+class PartEncoder(nn.Module):
     """Encodes one part of an observation.
 
     Attributes:
@@ -44,7 +44,7 @@ class Part(nn.Module):
     locates = 0
 
 
-class TokenEncoder(Part):
+class TokenEncoder(PartEncoder):
     """The mean of the embeddings of a sentence's words; 0 is padding."""
 
     size = EMBEDDING
@@ -63,7 +63,7 @@ class TokenEncoder(Part):
         return nn.functional.embedding_bag(tokens.long(), self.words.weight, mode="sum", padding_idx=0)
 
 
-class FeatureEncoder(Part):
+class FeatureEncoder(PartEncoder):
     """A linear layer to 512 on features of a picture that come from a frozen network (as in CH-MARL)."""
 
     size = FEATURES
@@ -79,7 +79,7 @@ class FeatureEncoder(Part):
         return encoded
 
 
-class FlatEncoder(Part):
+class FlatEncoder(PartEncoder):
     """The numbers as they are; a Discrete, and each component of a MultiDiscrete, as one-hot."""
 
     starts: Tensor

@@ -9,7 +9,7 @@ from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import Episode, core_of_parallel
 from chmarl_pb.envs.words import action_number
 from chmarl_pb.evaluation.metrics import Played, played
-from chmarl_pb.evaluation.play import Job, Setup, seeds_of
+from chmarl_pb.evaluation.play import Job, Setup, seeds_to_play
 from chmarl_pb.learning.rollouts.batched import BatchedPolicy, as_batched, play_together
 from chmarl_pb.policies.policy import Actions
 from chmarl_pb.policies.seats import seated
@@ -42,7 +42,7 @@ def play_side_by_side(setup: Setup, jobs: Sequence[Job], width: int = WIDTH) -> 
 
 def _play(policy: BatchedPolicy, envs: Sequence[Any], jobs: Sequence[Job]) -> Iterator[Played]:
     """Yield one episode of each job."""
-    seeds, own = zip(*(seeds_of(env, *job) for env, job in zip(envs, jobs, strict=False)), strict=True)
+    seeds, own = zip(*(seeds_to_play(env, *job) for env, job in zip(envs, jobs, strict=False)), strict=True)
     for end in play_tasks(policy, envs, [task for task, _ in jobs], seeds, own):
         task, seed = jobs[end.number]
         how = end.core.outcome.success, end.core.outcome.potential, end.core.steps

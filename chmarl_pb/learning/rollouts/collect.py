@@ -12,7 +12,7 @@ from chmarl_pb.learning.components import Counts, as_action, as_label, as_row, b
 from chmarl_pb.learning.networks.agents import Agent, RecurrentActors
 from chmarl_pb.learning.rollouts.batched import play_together
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
-from chmarl_pb.learning.spaces import Interface, interface_of, spaces_of, stack, tensors, zeros
+from chmarl_pb.learning.spaces import LearnerInterface, learner_interface_of, spaces_of, stack, tensors, zeros
 from chmarl_pb.policies.expert import Expert, as_expert
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 
@@ -105,7 +105,7 @@ class Collector:
         if len({id(getattr(env, "unwrapped", env)) for env in self.envs}) < count:
             raise ValueError("env_fn returns the same environment again; let it make a new one each time")
         self._experts = [as_expert(expert(env)) for env in self.envs] if expert else []
-        self.interface: Interface = interface_of(self.envs[0])
+        self.interface: LearnerInterface = learner_interface_of(self.envs[0])
         core = getattr(self.envs[0], "unwrapped", self.envs[0])
         self.episodes_in_a_home: int = getattr(core, "episodes_in_a_home", 1)
 
@@ -247,7 +247,7 @@ class Explorer:
         return labels
 
 
-def begin(interface: Interface, episode: Episode, env: Any, start: tuple[Any, ...]) -> None:
+def begin(interface: LearnerInterface, episode: Episode, env: Any, start: tuple[Any, ...]) -> None:
     """Record the beginning of an episode: what an environment's reset has returned.
 
     Raises:
@@ -260,7 +260,7 @@ def begin(interface: Interface, episode: Episode, env: Any, start: tuple[Any, ..
         raise ValueError(f"reset() gives no observation of {blind[0]!r}, which is there; return one for each of agents")
 
 
-def advance(interface: Interface, episode: Episode, env: Any, actions: Actions, step: tuple[Any, ...]) -> None:
+def advance(interface: LearnerInterface, episode: Episode, env: Any, actions: Actions, step: tuple[Any, ...]) -> None:
     """Record a step, which has returned five things.
 
     Raises:
@@ -327,7 +327,7 @@ def _first_action(counts: Counts) -> Any:
 
 
 def _look(
-    interface: Interface, episode: Episode, env: Any, observations: dict[str, Any], infos: dict[str, Any]
+    interface: LearnerInterface, episode: Episode, env: Any, observations: dict[str, Any], infos: dict[str, Any]
 ) -> None:
     episode.observations.append(
         {

@@ -8,7 +8,7 @@ import torch
 
 from chmarl_pb.learning.components import as_row, of_each
 from chmarl_pb.learning.rollouts.batch import Batch
-from chmarl_pb.learning.spaces import Interface, Tree, check_values, stack, tree_map, zeros
+from chmarl_pb.learning.spaces import LearnerInterface, Tree, check_values, stack, tree_map, zeros
 
 GIB = 2**30
 
@@ -59,7 +59,12 @@ class ReplayBuffer:
     """
 
     def __init__(
-        self, interface: Interface, horizon: int, capacity: int, memory_gib: float, device: torch.device | None = None
+        self,
+        interface: LearnerInterface,
+        horizon: int,
+        capacity: int,
+        memory_gib: float,
+        device: torch.device | None = None,
     ):
         """Reserve memory; pages that are never written take none.
 

@@ -24,7 +24,7 @@ from chmarl_pb.learning.runs import interrupts
 from chmarl_pb.learning.runs.interrupts import StopRequested
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.runs.validation import Validate, scores_of
-from chmarl_pb.learning.spaces import Interface
+from chmarl_pb.learning.spaces import LearnerInterface
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, check_same, is_whole, load, save
 from chmarl_pb.processes import ProcessDiedError
 
@@ -314,7 +314,7 @@ def origin(weights: Path) -> dict[str, Any]:
     return {"sha256": file_hash(weights), **kept}
 
 
-def _make_buffer(interface: Interface, algorithm: str, config: RunConfig, device: torch.device) -> ReplayBuffer:
+def _make_buffer(interface: LearnerInterface, algorithm: str, config: RunConfig, device: torch.device) -> ReplayBuffer:
     """Return a run's replay buffer.
 
     Raises:

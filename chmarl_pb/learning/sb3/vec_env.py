@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from chmarl_pb.envs.vector.batch import Part, full_name
+from chmarl_pb.envs.vector.batch import PartialAnswer, full_name
 from chmarl_pb.envs.vector.engine import Engine, start
 from chmarl_pb.envs.vector.env import check_counts, make_function
 from chmarl_pb.envs.vector.exchange import gather, write_actions
@@ -116,7 +116,7 @@ class HouseholdVecEnv(Uncopied, VecEnv):
         single = not isinstance(self.observation_space, gymnasium.spaces.Dict)
         return arrays[""] if single else arrays, [nest(flat) for flat in self._flat]
 
-    def _note(self, part: Part) -> None:
+    def _note(self, part: PartialAnswer) -> None:
         for number, (new, gone) in zip(part.numbers, part.changes, strict=True):
             flat = self._flat[number]
             flat.update(new)
