@@ -15,10 +15,12 @@ import chmarl_pb
 from chmarl_pb.bench.playing import SPLIT, Effort, Samples, per_second, scouted_poses, warm_up
 from chmarl_pb.envs.parallel import HouseholdEnv
 
+_SHARED = 32  # environments of one vector on one and on two processes
+_BESIDE = 8  # environments of our vector and of Gymnasium's
 _IDS = {"scene_graph": "CHMARL/SceneGraph-v0", "visual": "CHMARL/Visual-v0"}
 
 
-def processes(effort: Effort, observation: str, count: int = 32) -> Samples:
+def processes(effort: Effort, observation: str) -> Samples:
     """Yield joint steps a second of one vector of environments, resets included, on one and on two processes.
 
     Two are in lockstep, or answer the first half of the environments that is ready. What two processes reach that never
@@ -27,10 +29,10 @@ def processes(effort: Effort, observation: str, count: int = 32) -> Samples:
     with closing(HouseholdEnv(observation, split=SPLIT)) as env:
         warm_up(env, scouted_poses(effort.warm_up))
     makes: dict[str, Callable[[], RandomVector | RandomBatches | ApartVectors]] = {
-        "1 process": partial(our_vector, count, 1, observation),
-        "2 processes": partial(our_vector, count, 2, observation),
-        "2 processes asynchronous": partial(RandomBatches, count, 2, observation),
-        "2 processes apart": partial(ApartVectors, count, 2, observation),
+        "1 process": partial(our_vector, _SHARED, 1, observation),
+        "2 processes": partial(our_vector, _SHARED, 2, observation),
+        "2 processes asynchronous": partial(RandomBatches, _SHARED, 2, observation),
+        "2 processes apart": partial(ApartVectors, _SHARED, 2, observation),
     }
     with ExitStack() as stack:
         rates = {}
@@ -47,7 +49,7 @@ def processes(effort: Effort, observation: str, count: int = 32) -> Samples:
             }
 
 
-def beside_gymnasium(effort: Effort, observation: str, count: int = 8) -> Samples:
+def beside_gymnasium(effort: Effort, observation: str) -> Samples:
     """Yield joint steps a second of our vector and of Gymnasium's with shared memory, in turns.
 
     The environments, their seeds and actions are the same; ours share as many processes as there are cores, of
@@ -57,15 +59,15 @@ def beside_gymnasium(effort: Effort, observation: str, count: int = 8) -> Sample
         warm_up(env, scouted_poses(effort.warm_up))
     with ExitStack() as stack:
         theirs = AsyncVectorEnv(
-            [partial(gymnasium.make, f"chmarl_pb:{_IDS[observation]}", split=SPLIT)] * count,
+            [partial(gymnasium.make, f"chmarl_pb:{_IDS[observation]}", split=SPLIT)] * _BESIDE,
             shared_memory=True, context="spawn", autoreset_mode=AutoresetMode.SAME_STEP,
         )  # fmt: skip
-        vectors = {"ours": our_vector(count, None, observation), "Gymnasium's": RandomVector(theirs)}
+        vectors = {"ours": our_vector(_BESIDE, None, observation), "Gymnasium's": RandomVector(theirs)}
         for vector in vectors.values():
             stack.callback(vector.close)
             per_second(vector.step, 10 * effort.seconds)  # each process gets to know views and layouts by itself
         while True:
-            taken = {name: per_second(vector.step, effort.seconds, count) for name, vector in vectors.items()}
+            taken = {name: per_second(vector.step, effort.seconds, _BESIDE) for name, vector in vectors.items()}
             yield {f"joint steps/s, {name}": rate for name, rate in taken.items()} | {
                 "times Gymnasium's": taken["ours"] / taken["Gymnasium's"]
             }

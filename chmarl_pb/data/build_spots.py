@@ -97,10 +97,10 @@ def gather(tasks: Sequence[Task]) -> Shown:
     return Shown(item, other, receptacle, np.array([_RECEPTACLES.index(task.target) for task in tasks], np.int8))
 
 
-def spots(found: Bools, most: int = _MOST) -> list[Spot]:
+def spots(found: Bools) -> list[Spot]:
     """Return spots in the order of how much each adds to what the ones before it find, for the steps that it takes."""
     left, chosen = np.ones(len(found), bool), list[Spot]()
-    while len(chosen) < most and left.any():
+    while len(chosen) < _MOST and left.any():
         gains = found[left].sum(axis=0) / len(found)
         costs = np.array([[_steps(chosen[-1:], room, turned) for turned in _TURNS] for room in _ROOMS])
         worth = gains / costs[..., None, None]

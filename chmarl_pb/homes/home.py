@@ -16,7 +16,7 @@ from chmarl_pb.homes.generate.store import generate_home
 from chmarl_pb.homes.object_looks import looks_in
 from chmarl_pb.homes.problem import Findings, Refused, raise_first
 from chmarl_pb.homes.rooms import Room, Thing, rooms_of
-from chmarl_pb.homes.solids import Points, Solid
+from chmarl_pb.homes.solids import Points, Solid, bounds
 from chmarl_pb.homes.source import Source
 from chmarl_pb.homes.urdf import Link, read_links
 from chmarl_pb.kept import Kept
@@ -190,9 +190,8 @@ def middle_of(link: Link) -> tuple[float, ...]:
     """Return the middle (x, y, z) of a link's solids; of its frame when it has none."""
     if not link.solids:
         return tuple(link.frame[:3, 3].tolist())
-    lows = np.min([[*solid.low, solid.bottom] for solid in link.solids], axis=0)
-    highs = np.max([[*solid.high, solid.top] for solid in link.solids], axis=0)
-    return tuple(((lows + highs) / 2).tolist())
+    low, high = bounds(link.solids)
+    return tuple(((low + high) / 2).tolist())
 
 
 def _is_well_named(name: str, found: Findings) -> bool:

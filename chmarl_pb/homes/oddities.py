@@ -14,7 +14,7 @@ from chmarl_pb import catalog
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.problem import Findings
 from chmarl_pb.homes.rooms import Room, Thing
-from chmarl_pb.homes.solids import Points, Solid, inside, overlap
+from chmarl_pb.homes.solids import Points, Solid, bounds, inside, overlap
 from chmarl_pb.homes.urdf import Link
 
 _DEEP = 0.05  # metres: how far things may be inside one another, as a chair's back and a table's edge are
@@ -106,8 +106,7 @@ def _check_visuals(link: Link, found: Findings) -> None:
     if link.solids:
         seen = np.concatenate([shape.points(link.frame) for shape in link.visuals])
         low, high = seen.min(axis=0), seen.max(axis=0)
-        bottom = np.min([[*solid.low, solid.bottom] for solid in link.solids], axis=0)
-        top = np.max([[*solid.high, solid.top] for solid in link.solids], axis=0)
+        bottom, top = bounds(link.solids)
         apart = np.maximum(low - top, bottom - high).max()
         if apart > 0.02:
             found.warning(
@@ -199,9 +198,8 @@ def _overlap(one: Solid, other: Solid) -> float:
 
 def _is_carried(thing: Thing, lows: Points, highs: Points, owners: Sequence[Thing]) -> bool:
     """Return whether a thing stands on the floor or on another, hangs at a wall, or touches something else."""
-    low = np.min([[*solid.low, solid.bottom] for solid in thing.solids], axis=0) - _GAP
-    high = np.max([[*solid.high, solid.top] for solid in thing.solids], axis=0) + _GAP
-    if low[2] <= 0:
+    low, high = bounds(thing.solids)
+    if low[2] <= _GAP:
         return True
-    touches = (np.minimum(highs, high) > np.maximum(lows, low)).all(axis=1)
+    touches = (np.minimum(highs, high + _GAP) > np.maximum(lows, low - _GAP)).all(axis=1)
     return any(owners[number] is not thing for number in np.flatnonzero(touches).tolist())

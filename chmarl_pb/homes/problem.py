@@ -75,9 +75,9 @@ class Findings:
         """Add an error; the position is that of the link if none is given."""
         self._add("error", message, link, position)
 
-    def warning(self, message: str, link: str = "", position: Position | None = None) -> None:
-        """Add a warning; the position is that of the link if none is given."""
-        self._add("warning", message, link, position)
+    def warning(self, message: str, link: str = "") -> None:
+        """Add a warning, where the link is."""
+        self._add("warning", message, link, None)
 
     def listing(self, link: str = "", label: str = "") -> "_Listing":
         """Return a context that adds a ``ValueError`` which ends it as an error, its message after a label."""

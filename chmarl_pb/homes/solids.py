@@ -64,6 +64,13 @@ class Solid:
         return self.top > low and self.bottom < high
 
 
+def bounds(solids: Sequence[Solid]) -> tuple[Points, Points]:
+    """Return the lower and the upper corner (3,) of the level box around solids."""
+    low = np.min([(*solid.low, solid.bottom) for solid in solids], axis=0)
+    high = np.max([(*solid.high, solid.top) for solid in solids], axis=0)
+    return low, high
+
+
 def solid_from_vertices(vertices: Points) -> Solid:
     """Return the convex hull of (n, 3) points as a solid.
 

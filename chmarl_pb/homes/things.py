@@ -15,7 +15,7 @@ from chmarl_pb.errors import AssetError
 from chmarl_pb.homes.paint import ColouredTriangles, triangles_by_colour
 from chmarl_pb.homes.plain import plain_mesh
 from chmarl_pb.homes.shape import Numbers, Shape, numbers_of
-from chmarl_pb.homes.solids import Points, Solid
+from chmarl_pb.homes.solids import Points, bounds
 from chmarl_pb.homes.source import Source, safe_xml
 from chmarl_pb.homes.urdf import Link, read_whole
 
@@ -203,10 +203,3 @@ def painted(link: Link) -> tuple[ColouredTriangles, ...]:
 def moved(parts: tuple[ColouredTriangles, ...], by: Points) -> tuple[ColouredTriangles, ...]:
     """Return parts that are moved by x, y, z in metres."""
     return tuple(replace(part, corners=part.corners + by) for part in parts)
-
-
-def bounds(solids: tuple[Solid, ...]) -> tuple[Points, Points]:
-    """Return the lower and the upper corner (3,) of the level box around solids."""
-    low = np.min([(*solid.low, solid.bottom) for solid in solids], axis=0)
-    high = np.max([(*solid.high, solid.top) for solid in solids], axis=0)
-    return low, high

@@ -237,7 +237,6 @@ def models_of(bodies: Sequence[Sequence[LinkMesh]], frames: Sequence[dict[int, i
         np.array([frame for _, frame in parts], dtype=np.int32),
         _starts(corners),
         vertices,
-        normals,
         np.array([part.colour for part in every], dtype=np.uint8),
         np.concatenate([part.vertices for part in every]),
         np.concatenate([part.normals for part in every]),

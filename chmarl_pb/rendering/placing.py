@@ -23,7 +23,6 @@ class Models(NamedTuple):
         frame: (parts,) number of the frame that a part is fixed to.
         first_triangle: (parts + 1,) where each part's triangles begin.
         first_vertex: (parts + 1,) where its vertices begin.
-        first_normal: (parts + 1,) where its normals begin.
         colour: (parts, 3) bytes red, green, blue.
         vertices: (n, 3) in their frame, metres.
         normals: (m, 3) in their frame.
@@ -36,7 +35,6 @@ class Models(NamedTuple):
     frame: NDArray[np.int32]
     first_triangle: NDArray[np.int32]
     first_vertex: NDArray[np.int32]
-    first_normal: NDArray[np.int32]
     colour: NDArray[np.uint8]
     vertices: Floats
     normals: Floats
@@ -88,7 +86,7 @@ class Stage:
 
 #: The arrays of a stage: models, places and the scratch.
 _STAGE = (
-    *[("i4", 1)] * 5, ("u1", 2), *[("f4", 2)] * 2, ("i4", 2), *[("i4", 1)] * 2,
+    *[("i4", 1)] * 4, ("u1", 2), *[("f4", 2)] * 2, ("i4", 2), *[("i4", 1)] * 2,
     *[("f4", 3)] * 2, *[("f8", 2)] * 2, ("f4", 2),
 )  # fmt: skip
 
@@ -98,14 +96,14 @@ def stage_of(words):  # type: ignore[no-untyped-def]
     """Return models, places and scratch of a packed :class:`Stage`."""
     models = Models(
         line(words, 0, np.int32), line(words, 1, np.int32), line(words, 2, np.int32), line(words, 3, np.int32),
-        line(words, 4, np.int32), table(words, 5, np.uint8), table(words, 6, np.float32), table(words, 7, np.float32),
-        table(words, 8, np.int32), line(words, 9, np.int32), line(words, 10, np.int32),
+        table(words, 4, np.uint8), table(words, 5, np.float32), table(words, 6, np.float32), table(words, 7, np.int32),
+        line(words, 8, np.int32), line(words, 9, np.int32),
     )  # fmt: skip
     placed = Placed(
-        block(words, 11, np.float32), block(words, 12, np.float32), table(words, 13, np.float64),
-        table(words, 14, np.float64),
+        block(words, 10, np.float32), block(words, 11, np.float32), table(words, 12, np.float64),
+        table(words, 13, np.float64),
     )  # fmt: skip
-    return models, placed, table(words, 15, np.float32)
+    return models, placed, table(words, 14, np.float32)
 
 
 @compiled

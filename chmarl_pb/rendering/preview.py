@@ -15,6 +15,7 @@ from chmarl_pb.errors import OptionError
 from chmarl_pb.files import check_apart, replacing
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.homes.problem import Problem
+from chmarl_pb.homes.solids import bounds
 from chmarl_pb.rendering.plan_view import LIGHT, plan_in
 from chmarl_pb.world import Client, loaded_home, quiet
 from chmarl_pb.world.bodies import link_names
@@ -56,9 +57,7 @@ def preview(
     with closing(Client()) as client, loaded_home(client.number, home) as body:
         plan = _plan(client.number, home, (half, size[1]), marks)
         _open_front(client.number, body, home)
-        solids = [solid for thing in home.structure for solid in thing.solids]
-        low = np.min([[*solid.low, solid.bottom] for solid in solids], axis=0)
-        high = np.max([[*solid.high, solid.top] for solid in solids], axis=0)
+        low, high = bounds([solid for thing in home.structure for solid in thing.solids])
         house = _render(client.number, low, high, _TOWARDS_CAMERA, (size[0] - half, size[1]))
     _write([plan, house], Path(out_png))
     return Path(out_png)

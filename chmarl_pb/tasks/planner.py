@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from chmarl_pb.compiled import compiled
 from chmarl_pb.errors import TaskError
+from chmarl_pb.homes.solids import bounds
 from chmarl_pb.navigation.lattice import AnyLattice
 from chmarl_pb.rendering.renderer import Renderer
 from chmarl_pb.robots.asked import finished, planned
@@ -135,9 +136,7 @@ class Oracle:
         if name in self.world.state.objects.poses:
             (x, y, z), size = self.world.pose(name)[0], self.world.size(name)
             return np.array([x, y, z + size[2] / 2, np.linalg.norm(size) / 2 + 0.05])
-        solids = self.space.home.receptacles[name].solids
-        low = np.min([[*solid.low, solid.bottom] for solid in solids], axis=0)
-        high = np.max([[*solid.high, solid.top] for solid in solids], axis=0)
+        low, high = bounds(self.space.home.receptacles[name].solids)
         return np.array([*(low + high) / 2, np.linalg.norm(high - low) / 2 + 0.1])  # what is drawn may jut out a little
 
     def _to_place(self, goal: Goal, start: int, taken: Cells) -> list[str]:

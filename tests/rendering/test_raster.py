@@ -55,9 +55,7 @@ def scene(*triangles: Corners) -> Stage:
     normals = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (n, 1))
     colour = np.tile(np.array([200, 100, 50], np.uint8), (n, 1))
     vertices = np.array(triangles, np.float32).reshape(-1, 3)
-    models = Models(
-        steps, steps[:-1], steps, 3 * steps, steps, colour, vertices, normals, corners, steps[:-1], steps[:-1]
-    )
+    models = Models(steps, steps[:-1], steps, 3 * steps, colour, vertices, normals, corners, steps[:-1], steps[:-1])
     stage = Stage(models, n)
     for body in range(n):
         put(body, body, np.array([UPRIGHT]), stage.words)

@@ -13,7 +13,7 @@ from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import sealed
 from chmarl_pb.policies.weights import read_manifest, weights_folder
 from chmarl_pb.tasks.splits import load_tasks
-from training.tables.attribution import PARTS, attribution
+from training.tables.attribution import LINES, attribution
 from training.tables.cells import NOT_RUN, Records
 from training.tables.goals import GOALS, goals
 from training.tables.hundred_homes import SHOWN, hundred_homes
@@ -32,7 +32,7 @@ def test_each_part_is_told_beside_the_line_that_it_changes() -> None:
     records: Records = {}
     plws = {1: [0.1, 0.2], 2: [0.4], 3: [0.55], 7: [0.6], 5: [0.5]}
     for number, values in plws.items():
-        row = row_of(PARTS[number - 1].table, PARTS[number - 1].row)
+        row = row_of(LINES[number - 1].table, LINES[number - 1].row)
         one = {split: {"summary": {"plw": {"mean": 0}, "success_rate": {"mean": 0.9}}} for split in SPLITS}
         for plw in values:
             splits = json.loads(json.dumps(one))

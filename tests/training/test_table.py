@@ -33,7 +33,7 @@ from chmarl_pb.learning.policies.cloned import CloningConfig
 from chmarl_pb.learning.runs.logger import Logger
 from chmarl_pb.learning.sb3.config import Config
 from training import table
-from training.tables.attribution import PARTS
+from training.tables.attribution import LINES
 from training.tables.cells import NOT_RUN, gained
 from training.tables.curves import side_by_side
 from training.tables.goals import GOALS
@@ -470,7 +470,7 @@ def test_curves_of_trainings_are_averaged_where_they_are_alike_in_steps() -> Non
 def test_page_has_every_row_before_anything_has_run(tmp_path: Path) -> None:
     write_page(tmp_path / "results", tmp_path / "results.md")
     text = (tmp_path / "results.md").read_text()
-    assert text.count(f"| {NOT_RUN} |") == len(GOALS) + len(PARTS) + sum(
+    assert text.count(f"| {NOT_RUN} |") == len(GOALS) + len(LINES) + sum(
         len(rows) * (1 if table in TRACKS else 2) for table, rows in TABLES.items()
     )
     for published in (row.published for rows in TABLES.values() for row in rows if row.published):

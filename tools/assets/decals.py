@@ -99,9 +99,9 @@ def twice(mesh: Mesh) -> Mesh:
     return join(mesh, mesh.turned("z", np.pi))
 
 
-def front(decal: Mesh, y: float, z: float, x: float = 0.0) -> Mesh:
+def front(decal: Mesh, y: float, z: float) -> Mesh:
     """Stand a decal up on the surface at -``y`` that faces -y, its origin at height ``z``."""
-    return upright(decal).moved(x, -y - GAP, z)
+    return upright(decal).moved(0.0, -y - GAP, z)
 
 
 def both(decal: Mesh, y: float, z: float) -> Mesh:

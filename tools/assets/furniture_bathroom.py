@@ -3,7 +3,7 @@
 import numpy as np
 
 from tools.assets.furniture_counters import tap_mesh
-from tools.assets.furniture_model import Block, Model, ellipse, facing, leg, tray
+from tools.assets.furniture_model import ROUND, Block, Model, ellipse, facing, leg, tray
 from tools.assets.meshes import (
     box,
     cylinder,
@@ -109,9 +109,9 @@ def toilet_white() -> Model:
     model = Model("toilet_white", primary="ceramic", secondary="white")
     rings = [(0.34, 0.26, -0.04, 0.0), (0.32, 0.24, -0.04, 0.12), (0.44, 0.34, 0.0, 0.32), (0.48, 0.38, 0.0, 0.4)]
     hollow = [(0.34, 0.24, 0.0, 0.4), (0.2, 0.14, 0.0, 0.26)]
-    bowl = [np.column_stack([ellipse(x, y) + np.array([cx, 0]), np.full(12, z)]) for x, y, cx, z in rings + hollow]
+    bowl = [np.column_stack([ellipse(x, y) + np.array([cx, 0]), np.full(ROUND, z)]) for x, y, cx, z in rings + hollow]
     model.shape("bowl", "primary", loft(bowl).moved(0.1))
-    seat = [np.column_stack([ellipse(x, y), np.full(12, z)]) for x, y, z in SEAT]
+    seat = [np.column_stack([ellipse(x, y), np.full(ROUND, z)]) for x, y, z in SEAT]
     model.shape("seat", "secondary", loft(seat, caps=False).moved(0.1))
     lid = rounded_box(0.38, 0.36, 0.025, 0.1, bevel=0.005).turned("y", -np.pi / 2)
     model.shape("lid", "secondary", lid.moved(-0.13, 0, 0.6))

@@ -16,6 +16,8 @@ from tools.assets.meshes import Mesh, box, extrude, join, loft, rectangle, write
 
 Vector = tuple[float, float, float]
 
+ROUND = 12  # corners of what is round
+
 #: A box as (size, centre of its bottom face).
 Block = tuple[Vector, Vector]
 
@@ -163,9 +165,9 @@ def tray(outer: ArrayLike, inner: ArrayLike, height: float, floor: float, floor_
     return loft([np.column_stack([outline, np.full(len(inner), z)]) for outline, z in outlines])
 
 
-def ellipse(x: float, y: float, corners: int = 12) -> np.ndarray:
-    """Return the corners (x, y) of a centred ellipse of full size (x, y), counterclockwise."""
-    angles = np.arange(corners) * (2 * np.pi / corners)
+def ellipse(x: float, y: float) -> np.ndarray:
+    """Return ``ROUND`` corners (x, y) of a centred ellipse of full size (x, y), counterclockwise."""
+    angles = np.arange(ROUND) * (2 * np.pi / ROUND)
     return np.column_stack([x / 2 * np.cos(angles), y / 2 * np.sin(angles)])
 
 

@@ -1,6 +1,5 @@
 """What each part of our own learner adds: rows of the tables, each with what it changes of one before."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
@@ -39,7 +38,7 @@ class Line:
     before: int
 
 
-PARTS = (
+LINES = (
     Line("scene-graph", "BC decentralized + messages", "clones of the planner, mean pool", 0),
     Line("scene-graph", "BC decentralized + messages, grounded", "the encoder that ties words to things", 1),
     Line("scene-graph", "Imitation of planner", "the planner asked in the learner's own states, as DAgger has it", 2),
@@ -59,26 +58,26 @@ PARTS = (
 )  # fmt: skip
 
 
-def attribution(records: Records, parts: Sequence[Line] = PARTS) -> str:
+def attribution(records: Records) -> str:
     """Return the section as Markdown."""
     head = ("", "what changes", "seeds", *SPLITS, "more than", *(f"PLW more, {split}" for split in SPLITS[2:]))
     lines = [f"| {' | '.join(head)} |", "|--:|---|---|" + "--:|" * (len(SPLITS) + 3)]
-    for number, part in enumerate(parts, 1):
-        row = _row(part)
+    for number, line in enumerate(LINES, 1):
+        row = _row(line)
         same = runs_of(row, records)
         cells = [both(same, split) for split in SPLITS]
-        before = f"line {part.before}" if part.before else ""
-        gained = [_more(records, part, parts[part.before - 1], split) if part.before else "" for split in SPLITS[2:]]
-        line = (str(number), part.change, seeds(row, same), *cells, before, *gained)
-        lines.append(f"| {' | '.join(line)} |")
+        before = f"line {line.before}" if line.before else ""
+        gained = [_more(records, line, LINES[line.before - 1], split) if line.before else "" for split in SPLITS[2:]]
+        texts = (str(number), line.change, seeds(row, same), *cells, before, *gained)
+        lines.append(f"| {' | '.join(texts)} |")
     return "\n\n".join([NOTE.strip(), "\n".join(lines), AFTER.strip()])
 
 
-def _row(part: Line) -> Row:
-    return next(row for row in TABLES[part.table] if row.name == part.row)
+def _row(line: Line) -> Row:
+    return next(row for row in TABLES[line.table] if row.name == line.row)
 
 
-def _more(records: Records, part: Line, before: Line, split: str) -> str:
+def _more(records: Records, line: Line, before: Line, split: str) -> str:
     """Return the points of PLW that one line has more than another, with a sign; "" if one of them has not been run."""
-    ours, theirs = (values(runs_of(_row(one), records), METRICS["PLW"], split) for one in (part, before))
+    ours, theirs = (values(runs_of(_row(one), records), METRICS["PLW"], split) for one in (line, before))
     return f"{100 * (fmean(ours) - fmean(theirs)):+.1f}" if ours and theirs else ""

@@ -101,18 +101,17 @@ GOALS = (
 )  # fmt: skip
 
 
-def goals(records: Records, results: Path, goals: Sequence[Goal] = GOALS) -> str:
+def goals(records: Records, results: Path) -> str:
     """Return the section as Markdown.
 
     Args:
         records: the kept runs.
         results: folder of the kept files.
-        goals: one for each line.
     """
     silent = played_without(results)
     belief = _pair([100 * (built_in("belief", metric, HEADLINE) or 0) for metric in ("success_rate", "plw")], 1)
     lines = ["| | goal | reached | of | met | what stops it |", "|---|--:|--:|---|---|---|"]
-    for goal in goals:
+    for goal in GOALS:
         reached, gap, of = _without(silent.get(goal.weights)) if goal.weights else _of_row(goal, records)
         met = bool(reached) and all(have >= want for have, want in zip(reached, goal.wanted, strict=True))
         cells = [goal.what, _pair(goal.wanted, 0), _pair(reached, 1), of, "yes" if met else "no" if reached else ""]

@@ -6,6 +6,7 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 WIDTH = 64  # channels of the first layer
 FEATURES = 8 * WIDTH
+_LAYERS = ("layer1", "layer2", "layer3", "layer4")
 
 # Of ImageNet's pictures, as torchvision's weights expect; ours are trained with the same.
 _MEAN, _DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
@@ -33,35 +34,28 @@ class Block(nn.Module):
 
 
 class ResNet18(nn.Module):
-    """The network without its last layer, or its beginning alone.
-
-    Attributes:
-        features: channels of its last maps.
-    """
+    """The network without its last layer."""
 
     mean: Tensor
     deviation: Tensor
 
-    def __init__(self, depth: int = 4):
-        """Make the stem and the first ``depth`` of the four layers, with random weights."""
+    def __init__(self) -> None:
+        """Make the stem and the four layers, with random weights."""
         super().__init__()
         self.conv1 = nn.Conv2d(3, WIDTH, 7, stride=2, padding=3, bias=False)
         self.bn1 = nn.BatchNorm2d(WIDTH)
-        self.features = inputs = WIDTH
-        self._names = [f"layer{number}" for number in range(1, depth + 1)]
-        for number, name in enumerate(self._names):
-            self.features = WIDTH << number
-            stride = 2 if number else 1
-            layer = nn.Sequential(Block(inputs, self.features, stride), Block(self.features, self.features, 1))
-            setattr(self, name, layer)
-            inputs = self.features
+        inputs = WIDTH
+        for number, name in enumerate(_LAYERS):
+            outputs = WIDTH << number
+            setattr(self, name, nn.Sequential(Block(inputs, outputs, 2 if number else 1), Block(outputs, outputs, 1)))
+            inputs = outputs
         self.register_buffer("mean", torch.tensor(_MEAN).view(3, 1, 1), persistent=False)
         self.register_buffer("deviation", torch.tensor(_DEVIATION).view(3, 1, 1), persistent=False)
 
     @property
     def layers(self) -> list[nn.Sequential]:
         """The layers, in their order."""
-        return [getattr(self, name) for name in self._names]
+        return [getattr(self, name) for name in _LAYERS]
 
     def scaled(self, images: Tensor) -> Tensor:
         """Return (B, 3, height, width) of uint8 pictures (B, height, width, 3), as the weights expect them."""
@@ -69,10 +63,7 @@ class ResNet18(nn.Module):
         return pictures.contiguous(memory_format=torch.channels_last)
 
     def maps(self, images: Tensor) -> Tensor:
-        """Return the last maps (B, features, height', width') of uint8 pictures (B, height, width, 3).
-
-        Whole, the network has maps a 32nd as high and wide as the pictures; with one layer, a quarter.
-        """
+        """Return the last maps (B, 512, height / 32, width / 32) of uint8 pictures (B, height, width, 3)."""
         stem = torch.relu(self.bn1(self.conv1(self.scaled(images))))
         maps = nn.functional.max_pool2d(stem, 3, stride=2, padding=1)
         for layer in self.layers:
@@ -80,7 +71,7 @@ class ResNet18(nn.Module):
         return maps
 
     def forward(self, images: Tensor) -> Tensor:
-        """Return (B, features) of uint8 pictures (B, height, width, 3)."""
+        """Return (B, 512) of uint8 pictures (B, height, width, 3)."""
         return self.maps(images).mean(dim=(2, 3))
 
 

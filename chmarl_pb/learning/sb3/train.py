@@ -35,7 +35,7 @@ from chmarl_pb.learning.sb3.run import Milestones, Validation, make_logger
 from chmarl_pb.learning.sb3.validation import SPLITS, make_validation, validation_tasks
 from chmarl_pb.learning.sb3.wrappers import ScaledRewards, encode_pictures, select_keys
 from chmarl_pb.learning.storage.checkpoint import check_kept, is_whole
-from chmarl_pb.learning.threads import threads as torch_threads
+from chmarl_pb.learning.threads import threads
 from chmarl_pb.robots.registry import listed
 
 BEST, LAST, RESULT = "best.zip", "last.pt", "result.json"
@@ -47,7 +47,6 @@ def run(
     folder: Path,
     workers: int | None = None,
     quiet: bool = True,
-    threads: int = 1,
     device: str = "cpu",
 ) -> BaseAlgorithm:
     """Train a model, or go on with an interrupted run from its last checkpoint; it ends with the same numbers.
@@ -60,7 +59,6 @@ def run(
         folder: for the best weights, checkpoints, log and result.
         workers: processes of the environments; see :func:`chmarl_pb.sb3_vec_env`.
         quiet: whether no progress is shown.
-        threads: of torch, while this runs; networks as small as these are fastest with one.
         device: of torch, that the networks learn on.
 
     Returns:
@@ -76,7 +74,7 @@ def run(
     make = partial(make_validation, config.env_id, tasks, _VALIDATION_ENVS, config.env_options)
     signals = Signals()
     with ExitStack() as stack:
-        stack.enter_context(torch_threads(threads))
+        stack.enter_context(threads(1))  # networks as small as these are fastest with one
         stack.enter_context(run_lock(folder, LAST, BEST))
         title = f"{config.algo} on {config.env_id}, preset {config.preset}, seed {config.seed}: {folder}"
         bar = stack.enter_context(Bar(title, config.steps, quiet))
