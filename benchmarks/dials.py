@@ -11,12 +11,9 @@ import argparse
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from textwrap import shorten
 from typing import Any
-
-from rich.progress import Progress, TaskID
 
 from benchmarks.dials_drawing import draw
 from chmarl_pb.cli.evaluate import interval, percent
@@ -26,7 +23,7 @@ from chmarl_pb.evaluation.protocol import SEEDS, evaluate
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN
-from chmarl_pb.progress import progress_bar
+from chmarl_pb.progress import LateProgress, progress_bar
 from chmarl_pb.tasks.symbols import Symbols
 from chmarl_pb.tasks.unreliable import NoisyBoard, UnreliableAdviser
 
@@ -89,7 +86,7 @@ def pairs_of(source: str, messages: Sequence[str], feedback: Sequence[str]) -> l
     return [(words, advice) for words in messages for advice in (feedback if reads else ["none"])]
 
 
-def measure(name: str, source: str, track: str, options: argparse.Namespace, bar: Progress) -> Iterator[Point]:
+def measure(name: str, source: str, track: str, options: argparse.Namespace, bar: LateProgress) -> Iterator[Point]:
     """Yield the points of a policy; where it cannot play, as learners that say nothing with own words, there is none.
 
     Args:
@@ -102,12 +99,11 @@ def measure(name: str, source: str, track: str, options: argparse.Namespace, bar
     split, every = SAMPLES[track]
     tasks = evaluated_tasks(split)[:: every * options.thin]
     for messages, feedback in pairs_of(source, options.messages or [*MESSAGES], options.feedback or [*FEEDBACK]):
-        row = bar.add_task(f"{name}, {track}, messages: {messages}, feedback: {feedback}", total=None)
         file = options.out / f"{_slug(name)}-{track}-{_slug(messages)}-{_slug(feedback)}.json"
         try:
             report = evaluate(
                 source, split, seeds=range(options.seeds), workers=options.workers, tasks=tasks, out=file, reuse=True,
-                progress=partial(advance, bar, row),
+                progress=bar.counter(f"{name}, {track}, messages: {messages}, feedback: {feedback}"),
                 label=name, track=track, messages=MESSAGES[messages], feedback=FEEDBACK[feedback],
             )  # fmt: skip
         except ChmarlError as error:
@@ -115,11 +111,6 @@ def measure(name: str, source: str, track: str, options: argparse.Namespace, bar
             continue
         figures = report.summary
         yield Point(name, track, messages, feedback, figures.episodes, figures.success_rate, figures.plw)
-
-
-def advance(bar: Progress, row: TaskID, finished: int, total: int) -> None:
-    """Show how many episodes of a point have been played."""
-    bar.update(row, completed=finished, total=total)
 
 
 def _slug(text: str) -> str:

@@ -6,13 +6,12 @@ episode with pictures has. The start of either, processes and imports included, 
 
 import argparse
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import partial
 from statistics import median
 
 import chmarl_pb
-from chmarl_pb.executors import Executor, Local
+from chmarl_pb.executors import Executor, started
 
 _SIZES = {"nothing": 0, "0.5 MB": 500_000}
 _TASKS = [f"val-unseen-{number:03d}" for number in range(4)]
@@ -28,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen = parser.parse_args(arguments)
     for name in ("processes", "Ray"):
         start = time.perf_counter()
-        with _started(name, chosen) as executor:
+        with started(chosen.workers, None if name == "processes" else chosen.ray) as executor:
             print(f"{name}: joined after {time.perf_counter() - start:.1f} s")
             for turn in ("first", "second"):
                 start = time.perf_counter()
@@ -37,17 +36,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for what, size in _SIZES.items():
                 taken = [1000 * _seconds_a_job(executor, size, chosen.jobs) for _ in range(chosen.runs)]
                 print(f"{name}: {what} back: {median(taken):.2f} ms a job ({min(taken):.2f} to {max(taken):.2f})")
-
-
-@contextmanager
-def _started(name: str, chosen: argparse.Namespace) -> Iterator[Executor]:
-    if name == "processes":
-        yield Local(chosen.workers)
-        return
-    from chmarl_pb.ray_executor import RayExecutor
-
-    with RayExecutor(chosen.ray) as executor:
-        yield executor
 
 
 def _seconds_a_job(executor: Executor, size: int, jobs: int) -> float:

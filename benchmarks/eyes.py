@@ -9,7 +9,6 @@ import argparse
 from functools import partial
 from typing import Any
 
-from benchmarks.dials import advance
 from chmarl_pb.cli.evaluate import percent
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.sample import evaluated_tasks
@@ -44,11 +43,10 @@ def main() -> None:
         for split in options.split or SPLITS:
             for sure in options.sure or CONFIDENCES:
                 with progress_bar() as bar:
-                    row = bar.add_task(f"{name} on {split}, sure from {sure}", total=None)
                     summary = evaluate(
                         partial(seeing, name, sure), split, "visual", seeds=[0], workers=options.workers,
                         tasks=evaluated_tasks(split)[:: options.thin],
-                        progress=partial(advance, bar, row),
+                        progress=bar.counter(f"{name} on {split}, sure from {sure}"),
                     ).summary  # fmt: skip
                 print(
                     f"| {name} | {split} | {sure} | {percent(summary.success_rate)} | {percent(summary.plw)} |",

@@ -3,11 +3,9 @@
 import argparse
 import json
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.dials import advance
 from chmarl_pb.cli.evaluate import percent
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.protocol import evaluate
@@ -90,10 +88,9 @@ class Scores:
         """
         chosen, tasks = self._chosen, thinned(evaluated_tasks(split), self._chosen.thin)
         with progress_bar() as bar:
-            row = bar.add_task(f"{name}, {split}", total=None)
             report = evaluate(
                 policies, split, chosen.observation, seeds=[0], workers=chosen.workers, tasks=tasks,
-                progress=partial(advance, bar, row), **self.rules,
+                progress=bar.counter(f"{name}, {split}"), **self.rules,
             )  # fmt: skip
         summary, shares = report.summary, report.recognition.figures()
         cells = [percent(summary.success_rate), percent(summary.plw)]

@@ -3,7 +3,9 @@
 Every command that spreads its work takes one: ``chmarl_pb.ray_executor.RayExecutor`` does the same jobs on a cluster.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Protocol
 
 from chmarl_pb.processes import Job, Result, check_workers, in_processes
@@ -73,6 +75,28 @@ class Local:
     def everywhere(self, work: Callable[[Job], Result], jobs: Iterable[Job]) -> Iterator[Result]:
         """Yield the results of jobs: there is one machine."""
         return self.map(work, jobs)
+
+
+@contextmanager
+def started(workers: int, ray: str | None, files: Sequence[Path] = ()) -> Iterator[Executor]:
+    """Yield who does the work: processes of this machine, or a Ray cluster where its address is given.
+
+    Args:
+        workers: number of processes.
+        ray: the cluster's address, see :class:`chmarl_pb.ray_executor.RayExecutor`; None: this machine.
+        files: of the user's, that a cluster is sent.
+
+    Raises:
+        OptionError: ``workers`` is less than one, or no cluster answers.
+        MissingExtraError: Ray is asked for and not installed.
+    """
+    if ray is None:
+        yield Local(workers)
+        return
+    from chmarl_pb.ray_executor import RayExecutor  # which not everybody has
+
+    with RayExecutor(ray, files) as executor:
+        yield executor
 
 
 def executor_of(executor: Executor | None, workers: int) -> Executor:

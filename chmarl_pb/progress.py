@@ -1,6 +1,6 @@
 """Progress bars that appear with the first progress: what is wrong with the arguments is said before."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, TypeVar
@@ -84,6 +84,11 @@ class LateProgress(Progress):
         for value in values:
             yield value
             self.advance(task)
+
+    def counter(self, description: str) -> Callable[[int, int], None]:
+        """Return what moves a new line of the bar: it takes the numbers of what is done and of all."""
+        task = self.add_task(description, total=None)
+        return lambda done, total: self.update(task, completed=done, total=total)
 
     def stop(self) -> None:
         """Leave the bar as it is; nothing is printed if it was never shown."""

@@ -8,15 +8,15 @@ import argparse
 import fnmatch
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.errors import ChmarlError, OptionError
-from chmarl_pb.executors import Executor, Local
+from chmarl_pb.executors import Executor, started
 from chmarl_pb.learning.runs.interrupts import run_command
+from chmarl_pb.progress import progress_bar
 from training.tables.page import write_page
 from training.tables.row import Row
 from training.tables.rows import TABLES
@@ -62,24 +62,12 @@ def _work(chosen: argparse.Namespace, extra: tuple[str, ...], page: Path) -> lis
     launch = as_step if chosen.ray is None else partial(on_ray, chosen.ray)
     schedule = Schedule(runs, chosen.jobs, chosen.budget, lambda run: write_page(chosen.results, page), launch)
     if schedule.waiting:
-        with _executor(chosen) as executor:
+        with started(chosen.jobs, chosen.ray) as executor:
             schedule.fail(prepare(schedule.waiting, chosen.data, executor))
     schedule.work()
     if schedule.waiting:
         print(f"{len(schedule.waiting)} runs were not started: the time was up", file=sys.stderr)
     return schedule.failed
-
-
-@contextmanager
-def _executor(chosen: argparse.Namespace) -> Iterator[Executor]:
-    """Yield who makes the data sets."""
-    if chosen.ray is None:
-        yield Local(chosen.jobs)
-        return
-    from chmarl_pb.ray_executor import RayExecutor  # which not everybody has
-
-    with RayExecutor(chosen.ray) as executor:
-        yield executor
 
 
 def make_runs(chosen: argparse.Namespace, extra: tuple[str, ...] = ()) -> list[Run]:
@@ -166,13 +154,11 @@ def _is_trained(run: Run) -> bool:
 
 
 def _prepare_data(recipe: Recipe, image_encoder: str, data: Path, executor: Executor) -> None:
-    from rich.progress import Progress
-
     from chmarl_pb.data.generate import generate
 
-    with Progress() as bar:
+    with progress_bar() as bar:
         line = bar.add_task(recipe.dataset_id, total=len(recipe.tasks))
-        dataset = generate(recipe, data, progress=lambda done: bar.update(line, advance=done), executor=executor)
+        dataset = generate(recipe, data, progress=lambda done: bar.advance(line, done), executor=executor)
     if recipe.observation == "visual":  # here, as one run would wait for the other
         from chmarl_pb.learning.networks.frozen import frozen_encoder
         from chmarl_pb.learning.networks.kept_features import kept_features

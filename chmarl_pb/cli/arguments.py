@@ -2,8 +2,8 @@
 
 import argparse
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from chmarl_pb.catalog import Catalog
 from chmarl_pb.envs.options import SENSORS, SYMBOLS, Options
 from chmarl_pb.envs.tracks import OF_TRACK, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
-from chmarl_pb.executors import Executor, Local
+from chmarl_pb.executors import Executor, started
 from chmarl_pb.files import check_apart
 from chmarl_pb.limits import whole_number
 from chmarl_pb.robots.registry import TEAM, listed
@@ -173,22 +173,16 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-@contextmanager
-def chosen_executor(options: argparse.Namespace) -> Iterator[Executor]:
-    """Yield who does the work; the own files that the options name are shipped to a cluster.
+def chosen_executor(options: argparse.Namespace) -> AbstractContextManager[Executor]:
+    """Return who does the work, once entered; the own files that the options name are shipped to a cluster.
 
     Raises:
         OptionError: the number of workers is less than one or is given for a cluster, or no cluster answers.
         MissingExtraError: Ray is asked for and not installed.
     """
-    if options.ray is None:
-        yield Local(options.workers)
-        return
-    check_used(options, {"workers": WORKERS}, "is for this machine alone, not for --ray")
-    from chmarl_pb.ray_executor import RayExecutor  # which not everybody has
-
-    with RayExecutor(options.ray, own_files(vars(options))) as executor:
-        yield executor
+    if options.ray is not None:
+        check_used(options, {"workers": WORKERS}, "is for this machine alone, not for --ray")
+    return started(options.workers, options.ray, own_files(vars(options)))
 
 
 def own_files(options: Mapping[str, Any]) -> list[Path]:

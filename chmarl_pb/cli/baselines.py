@@ -5,8 +5,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from rich.progress import Progress, TaskID
-
 from chmarl_pb.cli.arguments import add_seeds, add_track, add_workers, chosen_executor, chosen_seeds, output_folder
 from chmarl_pb.cli.evaluate import interval, number, percent
 from chmarl_pb.cli.output import add_json, each, tell
@@ -69,11 +67,10 @@ def run_baselines(options: argparse.Namespace) -> int:
     with chosen_executor(options) as executor, progress_bar() as bar:
         for split in splits:
             for policy in options.policy or BUILT_IN:
-                row = bar.add_task(f"{policy} on {split}", total=None)
                 reports[split][policy] = evaluate(
                     policy, split, seeds=chosen_seeds(options), executor=executor,
-                    out=options.out / f"{own}{split}-{policy}.json", reuse=True, progress=partial(_advance, bar, row),
-                    track=options.track,
+                    out=options.out / f"{own}{split}-{policy}.json", reuse=True,
+                    progress=bar.counter(f"{policy} on {split}"), track=options.track,
                 )  # fmt: skip
             if options.references is not None:
                 episodes = {name: report.episodes for name, report in reports[split].items()}
@@ -87,10 +84,6 @@ def run_baselines(options: argparse.Namespace) -> int:
         lambda: print("\n\n".join(map("\n".join, tables))),
     )
     return 0
-
-
-def _advance(bar: Progress, row: TaskID, finished: int, total: int) -> None:
-    bar.update(row, completed=finished, total=total)
 
 
 def _tables(reports: dict[str, dict[str, Report]]) -> list[list[str]]:

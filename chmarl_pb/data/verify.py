@@ -1,6 +1,6 @@
 """Verify data sets: check their files, replay the stored actions, and compare all that is stored."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from chmarl_pb.data.generate import environment
+from chmarl_pb.data.generate import Progress, environment
 from chmarl_pb.data.read import Dataset
 from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.data.record import Arrays, replay
@@ -17,8 +17,6 @@ from chmarl_pb.evaluation.json_file import WRONG
 from chmarl_pb.executors import Executor, executor_of
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.task import Task
-
-Progress = Callable[[int], Any]
 
 _LONGEST = 100  # characters of a wrong value in a message
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from chmarl_pb import catalog
-from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.navigation.free_space import grip_point
 from chmarl_pb.navigation.lattice import heading_angle
 from chmarl_pb.tasks.messages import Messages
@@ -15,7 +15,7 @@ from chmarl_pb.tasks.targets import target_of
 _NEAREST_TARGETS = 3
 
 
-def state_size(robots: int, said: int, known: Catalog = BENCHMARK) -> int:
+def state_size(robots: int, said: int, known: Catalog) -> int:
     """Return the length of the state vector of so many robots when messages are so many numbers."""
     return robots * 4 + 3 + 3 * _NEAREST_TARGETS + said + 4 + len(known.graspables) + len(known.receptacles)
 

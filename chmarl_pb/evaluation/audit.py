@@ -92,7 +92,7 @@ def audit(
     """
     split = HEADLINE_SPLITS.get(track, "") if split is OF_TRACK else split
     given = {"track": track, **options}
-    setting = Options(**{"split": split, **_of_env(given)})
+    setting = Options(**{"split": split, **{name: value for name, value in given.items() if name != "tasks"}})
     file = None if out is None else Path(out)
     if file is not None:
         check_replaceable(file, FORMAT, "an audit")
@@ -109,10 +109,6 @@ def audit(
     if file is not None:
         found.save(file)
     return found
-
-
-def _of_env(options: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if name not in ("tasks", "env_fn", "label", "plays")}
 
 
 def rows_of(setting: Options) -> tuple[Row, ...]:

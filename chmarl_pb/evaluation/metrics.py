@@ -123,9 +123,9 @@ def path_weighted(success: bool, steps: int, optimal_steps: int) -> float:
     return optimal_steps / max(steps, optimal_steps)
 
 
-def score_now(env: HouseholdEnv, episode: Episode) -> float:
-    """Return the share of PLW of an episode that an environment has just played."""
-    return path_weighted(True, len(episode), optimum(env).steps) if episode.success else 0.0
+def score_now(env: HouseholdEnv, success: bool, steps: int) -> float:
+    """Return the share of PLW of an episode that an environment has just played in so many steps."""
+    return path_weighted(True, steps, optimum(env).steps) if success else 0.0
 
 
 def played(env: HouseholdEnv, episode: Episode, seed: int, outcomes: Sequence[Outcome] = ()) -> Played:

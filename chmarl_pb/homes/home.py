@@ -140,7 +140,7 @@ def load_home(name_or_path: str | Path, known: Catalog = BENCHMARK) -> Home:
     return reading.home
 
 
-def read_home(name_or_path: str | Path, known: Catalog = BENCHMARK) -> Reading:
+def read_home(name_or_path: str | Path, known: Catalog) -> Reading:
     """Read a home by name or path as far as that can be done, and list all that is wrong with its files.
 
     Raises:

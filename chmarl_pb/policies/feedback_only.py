@@ -28,7 +28,7 @@ class AdvisedView(BlindView):
 
 
 def advised_view(
-    rooms: tuple[str, ...], observation: Observation, info: Info, actions: tuple[str, ...], known: Catalog = BENCHMARK
+    rooms: tuple[str, ...], observation: Observation, info: Info, actions: tuple[str, ...], known: Catalog
 ) -> AdvisedView:
     """Return the view of a policy that reads feedback alone."""
     advice = read_detour(observation["feedback"], actions, known)

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import aimed
 from chmarl_pb.policies.blind import BlindGrasper, BlindScout
 from chmarl_pb.policies.carrying import Carrier
@@ -20,7 +20,7 @@ from chmarl_pb.robots.pointing import VERBS, Cell
 class InstructionBlindGrasper(BlindGrasper[SeeingView]):
     """Goes where messages say, and tries what it sees there until it was the right thing."""
 
-    def __init__(self, rooms: tuple[str, ...], known: Catalog, feedback: bool = True, messages: bool = True):
+    def __init__(self, rooms: tuple[str, ...], known: Catalog, feedback: bool, messages: bool):
         """Remember the rooms, the classes that X and Y can be of, and whether there are feedback and messages."""
         super().__init__(rooms, feedback)
         self._messages = messages
@@ -56,8 +56,8 @@ class InstructionBlindPolicy(Narrowed[SeeingView]):
     """All robots, by :class:`SeeingView` alone."""
 
     def __init__(
-        self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog = BENCHMARK,
-        feedback: bool = True, messages: bool = True,
+        self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog,
+        feedback: bool, messages: bool,
     ):  # fmt: skip
         """Make the team.
 

@@ -10,7 +10,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import cells_of, number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations
 from chmarl_pb.policies.sights import classes_in_view, colors_in_view, messages_read, own_room, supports_in_view
@@ -71,13 +71,13 @@ def blind_view(rooms: tuple[str, ...], observation: Observation, info: Info) -> 
     return BlindView(**_blind(rooms, observation))
 
 
-def seeing_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog = BENCHMARK) -> SeeingView:
+def seeing_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog) -> SeeingView:
     """Return the view of a policy that sees but does not read."""
     unread = {name: value for name, value in observation.items() if name != "instruction"}
     return SeeingView(**_blind(rooms, observation), **_seeing(unread, info, known))
 
 
-def full_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog = BENCHMARK) -> FullView:
+def full_view(rooms: tuple[str, ...], observation: Observation, info: Info, known: Catalog) -> FullView:
     """Return the view of a policy that sees and reads."""
     blind = _blind(rooms, {**observation, "messages": messages_read(observation, rooms, known)})
     pairs = read_pairs(observation["instruction"], known)

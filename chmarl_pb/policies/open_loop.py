@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies import spots
 from chmarl_pb.policies.aiming import number_of
 from chmarl_pb.policies.policy import Actions, Infos, Observations, grasps
@@ -23,7 +23,7 @@ FILE = Path(__file__).parent / "open_loop.json"
 class OpenLoopPolicy:
     """Reads the instruction once and plays the tour of its Y to the end, over and over; who cannot grasp stays."""
 
-    def __init__(self, actions: dict[str, tuple[str, ...]], known: Catalog = BENCHMARK):
+    def __init__(self, actions: dict[str, tuple[str, ...]], known: Catalog):
         """Remember the names of each robot's actions, and the classes that instructions name."""
         self.actions, self._catalog = actions, known
         self.reset(None)

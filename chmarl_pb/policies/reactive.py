@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.policies.aiming import aimed
 from chmarl_pb.policies.expert import Team
 from chmarl_pb.policies.narrow_views import Chooser, FullView, Narrowed, full_view
@@ -43,7 +43,7 @@ class ReactiveGrasper:
 class ReactivePolicy:
     """Robots that grasp by what they are shown now, the others by the search policy, which has a memory."""
 
-    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog = BENCHMARK):
+    def __init__(self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog):
         """Remember the names of each robot's actions and of the rooms, and the classes that there are."""
         choosers: dict[str, Chooser[FullView]] = {
             name: ReactiveGrasper(rooms) for name, names in actions.items() if grasps(names)

@@ -34,7 +34,7 @@ class Unheard:
 class ColourBlind:
     """A policy that tells no colours apart: of lookalikes each is X to it."""
 
-    def __init__(self, policy: Policy, known: Catalog = BENCHMARK):
+    def __init__(self, policy: Policy, known: Catalog):
         """Take the colours away from a policy, in a world of known classes."""
         self.policy, self._catalog = policy, known
 

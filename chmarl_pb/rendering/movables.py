@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.rendering import placing, raster
 from chmarl_pb.rendering.camera import Picture, light
 from chmarl_pb.rendering.canvas import canvas
@@ -48,7 +48,7 @@ class Movables:
         scratch: room for drawing, see :func:`chmarl_pb.rendering.raster.draw`.
     """
 
-    def __init__(self, robots: Team, known: Catalog = BENCHMARK) -> None:
+    def __init__(self, robots: Team, known: Catalog) -> None:
         """Load all graspables of a catalogue and the robots once, to read their meshes."""
         with quiet(), closing(Client()) as client, loaded_graspables(client.number, known) as objects:
             things = link_meshes_of(client.number, [thing.body for thing in objects.values()])
@@ -145,7 +145,7 @@ def _links(parts: Iterable[LinkMesh]) -> list[int]:
 
 
 @lru_cache(maxsize=8)
-def movables(robots: Team, known: Catalog = BENCHMARK) -> Movables:
+def movables(robots: Team, known: Catalog) -> Movables:
     """Return the process's models of what moves where these robots and objects of these classes are."""
     return Movables(robots, known)
 

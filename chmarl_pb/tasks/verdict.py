@@ -41,7 +41,7 @@ def judge(
     return report.with_problems(_trial(report.home, models))
 
 
-def require_playable(name_or_path: str | Path, models: Mapping[str, RobotModel], known: Catalog = BENCHMARK) -> None:
+def require_playable(name_or_path: str | Path, models: Mapping[str, RobotModel], known: Catalog) -> None:
     """Raise the first error that :func:`judge` finds; homes of the package and generated ones are good.
 
     Raises:

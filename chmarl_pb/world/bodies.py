@@ -10,7 +10,7 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.assets import SCENES_DIR
-from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import AssetError, HomeError
 from chmarl_pb.homes.home import Home
 from chmarl_pb.homes.plain import plain_copy, plain_files
@@ -79,7 +79,7 @@ def _plain_file(home: Home) -> Iterator[Path]:
 
 
 @contextmanager
-def loaded_graspables(client: int, known: Catalog = BENCHMARK) -> Iterator[dict[str, Graspable]]:
+def loaded_graspables(client: int, known: Catalog) -> Iterator[dict[str, Graspable]]:
     """Load the objects of every graspable class, parked and frozen, and yield them by their names.
 
     While the context lasts, their meshes are where PyBullet says.

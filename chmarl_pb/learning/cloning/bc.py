@@ -263,7 +263,7 @@ class Examiner:
                 check()
                 episode = rollout(self.env, policy, episode_seed(task, 0), task)
                 won.append(episode.success)
-                scores.append(score_now(self.env, episode))
+                scores.append(score_now(self.env, episode.success, len(episode)))
             figures[f"{split}_sr"] = round(float(np.mean(won)), 4)
             figures[f"{split}_plw"] = round(float(np.mean(scores)), 4)
         return {"score": round(float(np.mean([figures[f"{split}_plw"] for split in self.tasks])), 4)} | figures

@@ -39,8 +39,8 @@ class Validation(EvalCallback):
         sampled: bool,
         folder: Path,
         on_best: BaseCallback,
-        say: Callable[[str], None] = lambda text: None,
-        check: Callable[[], None] = lambda: None,
+        say: Callable[[str], None],
+        check: Callable[[], None],
     ):
         """Validate in environments of :func:`chmarl_pb.learning.sb3.validation.make_validation`.
 

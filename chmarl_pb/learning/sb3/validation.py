@@ -8,8 +8,7 @@ import gymnasium
 import chmarl_pb  # noqa: F401  (registers the ids in worker processes)
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
 from chmarl_pb.envs.vector.env import make_function
-from chmarl_pb.evaluation.metrics import path_weighted
-from chmarl_pb.evaluation.optimum import optimum
+from chmarl_pb.evaluation.metrics import score_now
 from chmarl_pb.evaluation.play import episode_seed
 from chmarl_pb.learning.runs.validation import home_tasks, spread_tasks
 from chmarl_pb.robots.registry import TEAM
@@ -52,7 +51,7 @@ class PathWeighted(gymnasium.Wrapper):
         observation, _, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         won = terminated and info["is_success"]
-        score = path_weighted(won, self._steps, optimum(self.unwrapped.parallel).steps) if won else 0.0  # type: ignore[attr-defined]
+        score = score_now(self.unwrapped.parallel, won, self._steps)  # type: ignore[attr-defined]
         return observation, score, terminated, truncated, info
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from chmarl_pb.catalog import BENCHMARK, Catalog, class_of
+from chmarl_pb.catalog import Catalog, class_of
 from chmarl_pb.policies.aiming import nodes_of
 from chmarl_pb.policies.belief.guide import SPAN, Guide
 from chmarl_pb.policies.belief.scouts import MOVES, STAY, Scouts
@@ -104,7 +104,7 @@ class BeliefPolicy(Team):
     """
 
     def __init__(
-        self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog = BENCHMARK,
+        self, actions: dict[str, tuple[str, ...]], rooms: tuple[str, ...], known: Catalog,
         alone: bool = False,
     ):  # fmt: skip
         """Make the team.
