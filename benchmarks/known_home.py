@@ -16,11 +16,11 @@ from rich.progress import track
 from rich.table import Table
 
 from chmarl_pb.cli.evaluate import interval, percent
-from chmarl_pb.data.build_belief import measure
 from chmarl_pb.evaluation.metrics import Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.policies.belief import statistics
 from chmarl_pb.tasks.splits import homes_of
+from tools.build_belief import measure
 
 SPLITS = ("val-unseen", "test-unseen")
 LAYOUTS = 60  # that are measured of a home

@@ -1,1 +1,1 @@
-"""Data sets in Minari's format, and the scripts that made the fixed tasks and tours."""
+"""Data sets in Minari's format, and the fixed tasks of the splits."""

@@ -1,6 +1,6 @@
 """The open-loop policy: a fixed tour for each class of Y; it never looks, hears or gets feedback, and has no partner.
 
-The tours were searched on the homes of training: ``python -m chmarl_pb.data.build_tours``.
+The tours were searched on the homes of training: ``python -m tools.build_tours``.
 """
 
 import json

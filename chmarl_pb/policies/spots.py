@@ -1,4 +1,4 @@
-"""Spots: where to point without looking, as homes of training teach; ``python -m chmarl_pb.data.build_spots``."""
+"""Spots: where to point without looking, as homes of training teach; ``python -m tools.build_spots``."""
 
 import json
 from functools import cache

@@ -7,7 +7,6 @@ import pytest
 
 import chmarl_pb
 from chmarl_pb.catalog import BENCHMARK
-from chmarl_pb.data.build_belief import HOMES, measure
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.policies.belief.knowledge import Belief, Evidence, Find, Knowledge, Station
 from chmarl_pb.policies.belief.lookahead import Prospects, best_look, prospects
@@ -18,6 +17,7 @@ from chmarl_pb.policies.belief.searcher import Searcher
 from chmarl_pb.policies.belief.statistics import FLIGHTS, TURNS, class_bits, statistics
 from chmarl_pb.policies.code import UNKNOWN
 from chmarl_pb.tasks.splits import homes_of
+from tools.build_belief import HOMES, measure
 
 ROOMS = ("kitchen", "bedroom", "bathroom", "livingroom")
 STATISTICS = statistics(ROOMS)

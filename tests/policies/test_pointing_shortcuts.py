@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from chmarl_pb.catalog import BENCHMARK
-from chmarl_pb.data.build_spots import Shown, build, gather, main, spots, tour
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.policies.carrying import Carrier
@@ -16,6 +15,7 @@ from chmarl_pb.policies.narrow_views import BlindView, SeeingView
 from chmarl_pb.policies.registry import make_policy
 from chmarl_pb.policies.spots import Spot, spot_of, spots_of, tours
 from chmarl_pb.tasks.splits import load_tasks
+from tools.build_spots import Shown, build, gather, main, spots, tour
 
 ROOMS = ("kitchen", "bedroom", "bathroom", "livingroom")
 
@@ -112,7 +112,7 @@ def test_spots_are_measured_in_a_home(tmp_path: Path, monkeypatch: pytest.Monkey
     tasks = [task for task in load_tasks("train") if task.home == "home_3"][:2]
     measured = gather(tasks)
     assert measured.item.any() and measured.on_target.any() and not (measured.item & measured.other).any()
-    monkeypatch.setattr("chmarl_pb.data.build_spots.stream_tasks", lambda count, draw: tasks)
+    monkeypatch.setattr("tools.build_spots.stream_tasks", lambda count, draw: tasks)
     assert main(["--out", str(tmp_path / "spots.json")]) == 0
 
 

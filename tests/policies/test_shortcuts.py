@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from chmarl_pb import catalog
-from chmarl_pb.data.build_tours import Views, best_tour, build
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.rollout import rollout
 from chmarl_pb.evaluation.cooperation import read_reference, reference_scores
@@ -20,6 +19,7 @@ from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.splits import load_tasks
 from chmarl_pb.tasks.task import Task
+from tools.build_tours import Views, best_tour, build
 
 TASKS = [*load_tasks("val-seen")[:2], load_tasks("val-unseen")[1]]
 

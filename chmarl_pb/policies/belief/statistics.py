@@ -1,6 +1,6 @@
 """What homes of training teach: which receptacles stand in which kind of room, and which views show what.
 
-``python -m chmarl_pb.data.build_belief`` measures it. A view of a robot that drives is told by its turns (of 30 degrees
+``python -m tools.build_belief`` measures it. A view of a robot that drives is told by its turns (of 30 degrees
 to the left) since it came to a room's anchor, one of a robot that flies by how far it has moved from there.
 """
 

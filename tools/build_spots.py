@@ -1,8 +1,8 @@
-"""Search where to point without looking, on homes of training: ``python -m chmarl_pb.data.build_spots``.
+"""Search where to point without looking, on homes of training: ``python -m tools.build_spots``.
 
-Asked is which object, and which receptacle, has most pixels in each cell of the picture, from the rooms' anchors and
-after turns there. Made of it are, for Picks and Places that point, the spots of the blind policy, in the order in which
-they are worth a try, and a tour of the open-loop policy for each class of Y.
+For the rooms' anchors, and after turns there, it is found which object and which receptacle has most pixels in each
+cell of the picture. From it come, for Picks and Places that point, the blind policy's spots, best first, and one tour of the
+open-loop policy for each class of Y.
 """
 
 import argparse

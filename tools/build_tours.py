@@ -1,4 +1,4 @@
-"""Search the tours of the open-loop policy on the homes of training: ``python -m chmarl_pb.data.build_tours``.
+"""Search the tours of the open-loop policy on the homes of training: ``python -m tools.build_tours``.
 
 For each class of Y a beam search finds the actions that score best over objects X where training tasks put them.
 What is asked of the homes is only which classes are in view from the rooms' anchors and from where X is picked.

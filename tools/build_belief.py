@@ -1,4 +1,4 @@
-"""Measure the statistics of the belief search: ``python -m chmarl_pb.data.build_belief``.
+"""Measure the statistics of the belief search: ``python -m tools.build_belief``.
 
 They are of the homes of training, 1 to 5, and of generated homes, which are in no split: from each room's anchor, and
 from above, which receptacles and which objects are in view. Objects lie where tasks with fixed seeds put them.
