@@ -1,7 +1,7 @@
 """What it costs the belief search that a home is unknown: ``python -m benchmarks.known_home``.
 
-Plays the unseen splits as ever, and once more with statistics of the split's own home, in layouts that are none of the
-split's tasks, in the place of those of homes of training: the same search, but it knows where the furniture stands and
+Plays the unseen splits twice: with the usual statistics of the homes of training, and with statistics of the split's
+own home, measured in layouts that no task of the split uses. So the same search knows where the furniture stands and
 from where it is seen. Prints success and PLW with their 95 % intervals. Nothing is chosen by it.
 """
 

@@ -1,8 +1,7 @@
 """What misread words cost: ``python -m benchmarks.true_words WEIGHTS``.
 
-Plays weights that have learned to read on validation tasks, by the rules that they were trained by, as they read and
-with the classes, colour and room that ``parse_instruction`` reads in the place of theirs; then prints which names they
-misread. Test splits are refused.
+Plays weights that learned to read, on validation tasks and by the rules of their training, twice: with what they read,
+and with what ``parse_instruction`` reads. Then prints which names they misread. Test splits are refused.
 """
 
 import argparse

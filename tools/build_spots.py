@@ -1,8 +1,8 @@
 """Search where to point without looking, on homes of training: ``python -m tools.build_spots``.
 
 For the rooms' anchors, and after turns there, it is found which object and which receptacle has most pixels in each
-cell of the picture. From it come, for Picks and Places that point, the blind policy's spots, best first, and one tour of the
-open-loop policy for each class of Y.
+cell of the picture. From it come, for Picks and Places that point, the blind policy's spots, best first, and one tour
+of the open-loop policy for each class of Y.
 """
 
 import argparse

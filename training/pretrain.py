@@ -1,7 +1,7 @@
 """Train a frozen encoder of pictures on views of the homes of training: which classes are to be seen, and where.
 
-``python -m training.pretrain`` draws views of homes 1 to 5, and for the detector of generated homes of the endless
-split, by both robots' cameras, with labels from the segmentation, learns from them, and measures on views of home 6 and
+``python -m training.pretrain`` draws views by both robots' cameras, with labels from the segmentation: of homes 1 to 5,
+for the detector also of generated homes of the endless split. It learns from them, and measures on views of home 6 and
 of the generated homes of validation. Interrupted, it goes on where it was. Neither a home of the unseen tests nor any
 layout of a validation or test task of homes 1 to 5 is used.
 """

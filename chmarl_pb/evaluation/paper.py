@@ -1,4 +1,4 @@
-"""The results of CH-MARL (Goyal et al.), in per cent, means: the tables that ours stand beside."""
+"""The results of CH-MARL (Sharma et al. 2022), in per cent, means: the tables that ours stand beside."""
 
 from dataclasses import dataclass
 

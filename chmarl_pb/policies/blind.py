@@ -1,8 +1,7 @@
 """The blind policy: it sees nothing and reads nothing, and solves most tasks by obeying the message board.
 
-Robots that do not grasp look into all rooms, so that the true messages name those of X and Y. Those that do go there
-and turn until feedback, of which they know only that there is some, tells that the thing was in view; then they pick or
-place.
+Robots that do not grasp look into all rooms, so that the true messages name those of X and Y. Those that grasp go there
+and turn until there is any feedback: that tells them that the thing was in view. Then they pick or place.
 """
 
 from collections.abc import Sequence

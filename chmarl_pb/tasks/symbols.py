@@ -61,6 +61,7 @@ class Symbols:
         loss: probability that a symbol other than 0 is lost.
         flips: probability that one that is not lost is replaced by another, which is not 0.
         price: taken off the shared reward for each symbol other than 0.
+        robots: between whom it is; set by :meth:`among`.
     """
 
     vocabulary: int = 16

@@ -25,7 +25,7 @@ play the 2,000 tasks of generated-test in 100 homes that nothing was trained or 
 track; intervals are over homes (95 %). Weights called *ours* learned in other generated homes, but
 `ours-pictures-mappo`, like all others, in the five of training. `qmix-pictures` sees by a detector, the rows *QMIX* of
 the tables by ResNet-18. *Gain*: points of PLW more than *blind* on the same tasks. A line is made by (pictures: with
-`--observation visual`)
+`--observation visual`; PPO's file ends in `.zip`)
 
 ```
 python -m training.score results/weights/NAME.pt --messages --feedback --splits generated-test --out out/in-100/NAME

@@ -50,7 +50,7 @@ READING = f"""## How to read the tables
 
 All numbers are per cent.
 
-- *Paper*: Sharma, Goyal et al. 2022, in VirtualHome; the homes, tasks and pictures there are others, so the columns
+- *Paper*: Sharma et al. 2022, in VirtualHome; the homes, tasks and pictures there are others, so the columns
   tell which way things go and not which program is better.
 - *Ours*: mean ± sample standard deviation over training seeds, whose number is in the column *seeds* ("1 of 3": two
   are still to be run); every task of a split is played once, greedily, for at most {MAX_STEPS} steps (policies that

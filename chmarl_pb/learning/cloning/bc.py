@@ -60,7 +60,7 @@ def clone(
 ) -> dict[str, Any]:
     """Train clones and keep the best; interrupted, the same call goes on and ends with the same numbers.
 
-    Unlike the clones of Goyal et al. (Adam, end to end), these learn by AdamW with a rate that falls along a cosine,
+    Unlike the clones of Sharma et al. (Adam, end to end), these learn by AdamW with a rate that falls along a cosine,
     see pictures by frozen weights, and observe their own last action (``past_actions``). The best epoch is the one with
     the best PLW on validation tasks, not the one with the least loss.
 
