@@ -18,7 +18,10 @@ What this project set out to reach. Success / PLW, per cent, means over seeds, o
 generated-test); a goal is met if both are reached. Goals of speed: [performance.md](performance.md#learning).
 """
 
-_TEACHER = "in part its teacher, which has {belief} ([measured](training_findings.md#against-its-teacher)); it lacks {lag} of that"
+_TEACHER = (
+    "in part its teacher, which has {belief} ([measured](training_findings.md#against-its-teacher)), and what it lacks "
+    "of that, {lag}"
+)
 _FIVE = "the five homes that it learned in, where it has {gap} points of PLW more (test-seen); then as the next line"
 _EYES = (
     "in part objects that the detector misses ([measured](training_encoders.md#the-detector) on `ours-pictures`: "
