@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.envs.vector.infos import Change, ChangeFinder
-from chmarl_pb.envs.vector.memory import Memory, Signature
+from chmarl_pb.envs.vector.memory import Memory, Signature, Spaces
 from chmarl_pb.errors import NotResetError
 
 MakeEnv = Callable[[], gymnasium.Env]
@@ -64,9 +64,9 @@ class Batch:
         self._over = [False for _ in numbers]
         self._finders = [ChangeFinder() for _ in numbers]
 
-    def start(self) -> list[None]:
-        """Do nothing; the answer tells that the environments have been made."""
-        return []
+    def start(self) -> list[Spaces]:
+        """Return the spaces of the environments, which have been made."""
+        return [(env.observation_space, env.action_space) for env in self.envs]
 
     def share(self, memory: Memory) -> None:
         """Read and write this memory from now on."""

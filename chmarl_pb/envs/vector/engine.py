@@ -17,7 +17,7 @@ from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoA
 from gymnasium.vector import AutoresetMode
 
 from chmarl_pb.envs.vector.batch import Batch, MakeEnv, PartialAnswer
-from chmarl_pb.envs.vector.memory import Memory, Signature, shared_file
+from chmarl_pb.envs.vector.memory import Memory, Signature, check_alike, shared_file
 from chmarl_pb.envs.vector.sending import Sent, pickled
 from chmarl_pb.envs.vector.worker import Failure, listen, serve, wait_for_message
 from chmarl_pb.errors import WorkerError
@@ -100,7 +100,7 @@ class Engine(Uncopied):
                 self._start(share, sent, autoreset)
             self._batch = Batch(make, self._shares[0], autoreset)  # while the workers make theirs
             stack.callback(self._batch.close)
-            self.receive()
+            check_alike(self.receive())
             self._share_memory(count)
         except BaseException:
             self.close()

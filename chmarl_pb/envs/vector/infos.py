@@ -1,6 +1,7 @@
 """The infos of many environments: only what has changed travels, and Gymnasium's vector format is made of it."""
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from math import copysign
 from typing import Any
@@ -9,6 +10,11 @@ import numpy as np
 
 Info = dict[str, Any]
 Path = tuple[str, ...]
+
+
+class Empty:
+    """Stands for a dictionary that holds nothing; the class itself, so that it is the same in any process."""
+
 
 #: How the info of an environment differs from the one before: path of keys -> new value, and the paths that are gone.
 Change = tuple[dict[Path, Any], list[Path]]
@@ -40,6 +46,8 @@ class ChangeFinder:
             if type(value) in _SIMPLE and type(old) is type(value) and old == value:
                 continue  # as most of them, at little cost
             inner = isinstance(value, dict) and key != _WHOLE
+            if inner and not value:
+                inner, value = False, Empty
             if inner is not isinstance(old, ChangeFinder):
                 self._forget(key, change)
                 old = last[key] = ChangeFinder((*self._prefix, key)) if inner else _NOTHING
@@ -97,17 +105,16 @@ class InfoTable:
         for number, (new, gone) in zip(range(self._count) if numbers is None else numbers, changes, strict=True):
             for path in gone:
                 entry = self._entries[path]
-                assert entry.values is not None
-                entry.values[number] = _filler(entry.values.dtype)
+                self._clear(entry, number)
                 self._hold(path, number, -1)
                 if not entry.total:
                     entry.values = None
             for path, value in new.items():
                 entry = self._entries.get(path) or self._add(path)
-                if entry.values is None or entry.kind is not _kind_of(value):
-                    self._fit(entry, value)
-                assert entry.values is not None
-                entry.values[number] = value
+                if value is Empty:
+                    self._clear(entry, number)
+                else:
+                    self._put(entry, number, value)
                 if not entry.held[number]:
                     self._hold(path, number, 1)
 
@@ -146,6 +153,16 @@ class InfoTable:
             entry.held[number] += change
             entry.total += change
 
+    def _clear(self, entry: _Entry, number: int) -> None:
+        if entry.values is not None:
+            entry.values[number] = _filler(entry.values.dtype)
+
+    def _put(self, entry: _Entry, number: int, value: Any) -> None:
+        if entry.values is None or entry.kind is not _kind_of(value):
+            self._fit(entry, value)
+        assert entry.values is not None
+        entry.values[number] = value
+
     def _fit(self, entry: _Entry, value: Any) -> None:
         """Make or widen a column so that it can hold a value."""
         dtype, shape = _kind(value) if entry.key != _WHOLE else (np.dtype(object), ())
@@ -157,14 +174,23 @@ class InfoTable:
 
 
 def nest(flat: dict[Path, Any]) -> Info:
-    """Return the info of path of keys -> value."""
+    """Return the info of path of keys -> value; what may be changed in place is copied, as DummyVecEnv does."""
     info: Info = {}
     for path, value in flat.items():
         node = info
         for key in path[:-1]:
             node = node.setdefault(key, {})
-        node[path[-1]] = value
+        node[path[-1]] = _own(value)
     return info
+
+
+def _own(value: Any) -> Any:
+    """Return a value that whoever gets it may change in place."""
+    if value is Empty:
+        return {}
+    if type(value) in _PLAIN or (type(value) is tuple and _PLAIN.issuperset(map(type, value))):
+        return value
+    return deepcopy(value)
 
 
 def _same(old: Any, new: Any) -> bool:
@@ -172,6 +198,8 @@ def _same(old: Any, new: Any) -> bool:
     kind = type(new)
     if type(old) is not kind:
         return False
+    if new is Empty:
+        return old is Empty
     if kind in _PLAIN:
         return old == new and (kind is not float or copysign(1, old) == copysign(1, new))
     if kind is tuple:

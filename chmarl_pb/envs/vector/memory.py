@@ -2,6 +2,7 @@
 
 import mmap
 import tempfile
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import IO, Any
@@ -11,6 +12,11 @@ from gymnasium.spaces import Dict, Space
 
 from chmarl_pb.errors import OptionError, WorkerError
 from chmarl_pb.files import write_all
+
+#: What an environment observes, and its actions.
+Spaces = tuple[Space[Any], Space[Any]]
+
+_ALIKE = "those of a vector have the same spaces"
 
 
 @dataclass(frozen=True)
@@ -22,6 +28,27 @@ class Signature:
     metadata: dict[str, Any]
     render_mode: str | None
     max_episode_steps: int | None
+
+    @property
+    def spaces(self) -> Spaces:
+        """What it observes, and its actions."""
+        return self.observation_space, self.action_space
+
+
+def check_alike(spaces: Sequence[Spaces]) -> None:
+    """Compare the spaces of the environments of a vector, in their order.
+
+    Raises:
+        OptionError: an environment has others than the first; it names the key where they differ.
+    """
+    for number, (observations, actions) in enumerate(spaces):
+        if actions != spaces[0][1]:
+            raise OptionError(f"environment {number} has the actions {actions}, environment 0 {spaces[0][1]}; {_ALIKE}")
+        if observations != spaces[0][0]:
+            first, own = _named(spaces[0][0]), _named(observations)
+            key = next(key for key in (*first, *own) if first.get(key) != own.get(key))
+            where = f"key {key!r}: {own.get(key)} in environment {number}, {first.get(key)} in environment 0"
+            raise OptionError(f"environments observe unlike things, {where}; {_ALIKE}")
 
 
 class Memory:
@@ -47,11 +74,15 @@ class Memory:
     def layout(signature: Signature, count: int) -> np.dtype:
         """Return the arrays as one structured type; its ``itemsize`` is the size of the memory in bytes."""
         parts = {f"observation {key}": part for key, part in _parts(signature.observation_space).items()}
-        parts["actions"] = signature.action_space
+        parts["actions"] = _array(signature.action_space, "actions")
         fields = [(name, part.dtype, (count, *(part.shape or ()))) for name, part in parts.items()]
         fields += [("rewards", np.dtype(np.float64), (count,))]
         fields += [(name, np.dtype(np.bool_), (count,)) for name in ("terminated", "truncated")]
         return np.dtype(fields, align=True)
+
+
+def _named(space: Space[Any]) -> dict[str, Space[Any]]:
+    return dict(space.spaces) if isinstance(space, Dict) else {"": space}
 
 
 def _parts(space: Space[Any]) -> dict[str, Space[Any]]:
@@ -60,11 +91,21 @@ def _parts(space: Space[Any]) -> dict[str, Space[Any]]:
     Raises:
         OptionError: it is neither an array nor a flat dictionary of arrays.
     """
-    parts = dict(space.spaces) if isinstance(space, Dict) else {"": space}
+    parts = _named(space)
     for key, part in parts.items():
-        if part.shape is None or part.dtype is None:
-            raise OptionError(f"observation {key}: {part} is not an array of one shape; flatten it by a wrapper")
+        _array(part, f"observation {key}")
     return parts
+
+
+def _array(space: Space[Any], what: str) -> Space[Any]:
+    """Return a space of arrays.
+
+    Raises:
+        OptionError: it is none.
+    """
+    if space.shape is None or space.dtype is None:
+        raise OptionError(f"{what}: {space} is not an array of one shape; flatten it by a wrapper")
+    return space
 
 
 def shared_file(size: int) -> "IO[bytes]":

@@ -1,7 +1,7 @@
 """Environments of a vector in actors of a Ray cluster, on as many machines as it has; needs the extra ``scale``."""
 
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 from gymnasium.error import AlreadyPendingCallError, ClosedEnvironmentError, NoAsyncCallError
@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode
 
 from chmarl_pb.envs.vector.batch import MakeEnv, PartialAnswer
 from chmarl_pb.envs.vector.engine import gathered
-from chmarl_pb.envs.vector.memory import Memory, Signature
+from chmarl_pb.envs.vector.memory import Memory, Signature, check_alike
 from chmarl_pb.envs.vector.sending import Sent, pickled
 from chmarl_pb.envs.vector.share import Share, written
 from chmarl_pb.errors import OptionError, WorkerError
@@ -59,7 +59,8 @@ class RayEngine(Uncopied):
         sent = ray.put(content)
         self._actors = [_actor.remote(sent, share, count, autoreset) for share in self._shares]
         try:
-            self.signature: Signature = self._get([actor.signature.remote() for actor in self._actors])[0]
+            check_alike(list(chain(*self._get([actor.spaces.remote() for actor in self._actors]))))
+            self.signature: Signature = self._get([self._actors[0].signature.remote()])[0]
         except BaseException:
             self.close()
             raise

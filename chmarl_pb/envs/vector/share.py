@@ -9,7 +9,7 @@ from gymnasium.vector.utils import CloudpickleWrapper
 
 from chmarl_pb.envs.vector.batch import Batch, PartialAnswer
 from chmarl_pb.envs.vector.infos import Change
-from chmarl_pb.envs.vector.memory import Memory, Signature
+from chmarl_pb.envs.vector.memory import Memory, Signature, Spaces
 from chmarl_pb.envs.vector.worker import IN_PARTS, Failure, failure
 
 
@@ -24,6 +24,10 @@ class Share:
     def signature(self) -> Signature:
         """Return what each of the environments is like."""
         return self._batch.signature
+
+    def spaces(self) -> list[Spaces]:
+        """Return the spaces of the environments."""
+        return self._batch.start()
 
     def do(
         self, command: str, arguments: tuple[Any, ...], actions: np.ndarray

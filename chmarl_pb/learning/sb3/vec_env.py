@@ -33,6 +33,7 @@ class HouseholdVecEnv(Uncopied, VecEnv):
         self._flat: list[dict[Path, Any]] = [{} for _ in range(count)]  # the present info of each environment
         signature = engine.signature
         super().__init__(count, signature.observation_space, signature.action_space)
+        self.metadata = signature.metadata  # for VecVideoRecorder
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Set the seeds of the next reset: one after the other; in the endless split so far apart that homes differ."""
