@@ -98,6 +98,23 @@ def test_ragged_observations_are_refused() -> None:
         vector_env(1, ragged_toy, 0)
 
 
+def test_actions_that_are_no_array_are_refused() -> None:
+    with pytest.raises(OptionError, match=r"actions: Tuple.* is not an array"):
+        vector_env(1, paired_toy, 0)
+
+
+def paired_toy() -> gymnasium.Env:
+    env = ToyEnv()
+    env.action_space = gymnasium.spaces.Tuple([gymnasium.spaces.Discrete(5), gymnasium.spaces.Discrete(2)])
+    return env
+
+
+def test_environments_of_one_vector_are_alike() -> None:
+    some = iter((ToyEnv(), tame_toy(), ToyEnv()))
+    with pytest.raises(OptionError, match=r"environment 1 has the actions MultiDiscrete\(\[3 2\]\)"):
+        vector_env(3, lambda: next(some), 0)
+
+
 def ragged_toy() -> gymnasium.Env:
     env = ToyEnv()
     env.observation_space = gymnasium.spaces.Text(5)

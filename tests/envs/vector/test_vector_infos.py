@@ -21,7 +21,9 @@ INFOS = st.fixed_dictionaries(
         "row": st.lists(st.integers(0, 2), max_size=2),
         "array": st.integers(0, 2).map(lambda value: np.full(2, value, np.int16)),
         "final_obs": st.integers(0, 2).map(lambda value: np.full(2, value, np.int16)),
-        "robot": st.fixed_dictionaries({"name": st.text(max_size=1)}, optional={"held": st.booleans()}),
+        "robot": st.fixed_dictionaries(
+            {}, optional={"name": st.text(max_size=1), "arm": st.fixed_dictionaries({}, optional={"on": st.booleans()})}
+        ),
     },
 )  # fmt: skip
 

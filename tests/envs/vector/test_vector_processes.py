@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
@@ -170,6 +171,16 @@ def test_error_at_the_start(workers: int) -> None:
 def test_error_at_the_start_of_a_worker() -> None:
     with pytest.raises(OptionError, match="is broken"):
         vector_env(2, partial(broken_elsewhere, os.getpid()), 2)
+
+
+def test_environments_of_a_worker_have_the_spaces_of_those_here() -> None:
+    with pytest.raises(OptionError, match=r"key 'picture': None in environment 1, Box.* in environment 0"):
+        vector_env(2, partial(blind_elsewhere, os.getpid()), 2)
+
+
+def blind_elsewhere(parent: int) -> gymnasium.Env:
+    """A toy in the process that makes the vector, one without pictures in any other."""
+    return ToyEnv() if os.getpid() == parent else gymnasium.wrappers.FilterObservation(ToyEnv(), ["self"])
 
 
 def broken_elsewhere(parent: int) -> ToyEnv:

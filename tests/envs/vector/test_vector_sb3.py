@@ -46,6 +46,48 @@ def test_sb3_equals_its_own(sb3: Any, workers: int) -> None:
     ours.close()
 
 
+class Logged(gymnasium.Wrapper):
+    """Tells the actions in one list that grows, and nothing of a first step."""
+
+    def reset(self, **options: Any) -> Any:
+        self.log: list[int] = []
+        return self.env.reset(**options)[0], {}
+
+    def step(self, action: Any) -> Any:
+        self.log.append(int(action[0]))
+        return *self.env.step(action)[:4], {"log": self.log} if len(self.log) > 1 else {}
+
+
+@EVERYWHERE
+def test_infos_are_of_their_step_alone(sb3: Any, workers: int) -> None:
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    ours, theirs = chmarl_pb.sb3_vec_env(COUNT, logged_toy, workers), DummyVecEnv([logged_toy] * COUNT)
+    seen: list[list[Any]] = []
+    for env in (ours, theirs):
+        env.seed(3)
+        env.reset()
+        rng = np.random.default_rng(0)
+        seen.append([])
+        for _ in range(9):
+            seen[-1].append(env.step(actions(rng))[3])
+            seen[-1][-1][0]["mine"] = seen[-1][-1][0].get("log", []).append(7)  # what is returned is the caller's
+    assert same(seen[0], seen[1])
+    ours.close()
+
+
+def logged_toy() -> gymnasium.Env:
+    return Logged(ToyEnv())
+
+
+def test_films_have_the_speed_of_the_environment(sb3: Any) -> None:
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    ours, theirs = chmarl_pb.sb3_vec_env(1, ToyEnv, 0), DummyVecEnv([ToyEnv])
+    assert ours.metadata == theirs.metadata
+    ours.close()
+
+
 @EVERYWHERE
 def test_sb3_attributes(sb3: Any, workers: int) -> None:
     env = chmarl_pb.sb3_vec_env(COUNT, wrapped_toy, workers)
