@@ -90,9 +90,12 @@ def test_a_copy_outlives_what_it_was_made_of() -> None:
     other = copy.copy(env)
     env.close()
     with closing(copy.deepcopy(env)) as third, closing(other):
+        hashes = []
         for one in (other, third):
             one.reset(seed=0)
             one.step(dict.fromkeys(one.agents, 0))
+            hashes.append(state_hash(one))
+        assert hashes[0] == hashes[1]
 
 
 @pytest.mark.parametrize("make_copy", [*COPIES.values(), copy.copy], ids=[*COPIES, "copy"])

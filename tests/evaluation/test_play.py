@@ -16,7 +16,7 @@ def test_seeds_of_episodes_differ_by_task_and_by_seed() -> None:
     tasks = load_tasks("val-unseen")
     seeds = {episode_seed(task, seed) for task in tasks for seed in range(3)}
     assert len(seeds) == 3 * len(tasks), "two episodes share their random numbers"
-    assert episode_seed(tasks[0], 1) == episode_seed(tasks[0], 1)
+    assert episode_seed(tasks[0], 1) == 1628218424, "published results were played by this one"
 
 
 def test_an_episode_does_not_depend_on_those_before_it() -> None:

@@ -17,12 +17,10 @@ from chmarl_pb.learning.networks.frozen import frozen_encoder
 from chmarl_pb.learning.networks.kept_features import FeatureEnv
 from chmarl_pb.learning.networks.residual import ResNet18
 from chmarl_pb.learning.policies.cloned import KIND, CloningConfig, make_actors
-from chmarl_pb.learning.policies.load import load_policy
 from chmarl_pb.learning.policies.side_by_side import play_side_by_side
 from chmarl_pb.learning.rollouts.batched import IndependentPolicies, as_batched
 from chmarl_pb.learning.runs.run import BEST
 from chmarl_pb.learning.storage import checkpoint
-from chmarl_pb.policies.sources import register_loader
 from chmarl_pb.tasks.splits import load_tasks
 
 if TYPE_CHECKING:
@@ -35,11 +33,6 @@ TINY = Config(
     hidden=16,
         learning_rate=1e-2, validation_interval=8,
 )  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def loaders() -> None:
-    register_loader(".pt", load_policy)
 
 
 def assert_same(
@@ -105,7 +98,6 @@ def test_stable_baselines3(
     algo: "AlgorithmName", env_id: str, preset: "PresetName", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("sb3_contrib")
-    from chmarl_pb.learning.sb3 import load_policy as load_sb3
     from chmarl_pb.learning.sb3.config import PRESETS
     from chmarl_pb.learning.sb3.config import Config as Sb3Config
     from chmarl_pb.learning.sb3.train import BEST, run
@@ -117,7 +109,6 @@ def test_stable_baselines3(
     tiny: dict[str, Any] = {"steps": 8, "interval": 8, "envs": 1, "tasks": 2, "max_steps": 4, "features": 8}
     config = Sb3Config(algo, env_id, preset, messages=False, **tiny)
     run(config, tmp_path, workers=0)
-    register_loader(".zip", load_sb3)
     goal = PRESETS[preset].goal
     assert_same(str(tmp_path / BEST), splits=SPLITS[1:], messages=False, seeds=(0, 1), goal=goal)
 

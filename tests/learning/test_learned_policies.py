@@ -31,7 +31,7 @@ from chmarl_pb.learning.rollouts.batched import BatchOfOne
 from chmarl_pb.learning.runs.run import BEST, LAST
 from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, save
 from chmarl_pb.named import import_named
-from chmarl_pb.policies.sources import find_policy, register_loader
+from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.sensing.sensors import SceneGraphSensor
 from chmarl_pb.tasks.advisers import CRITICS, SpokenAdviser
 from chmarl_pb.tasks.kinds import Rearrange
@@ -72,7 +72,6 @@ def env() -> Any:
 
 
 def test_checkpoint_plays_the_same_episode_again(folder: Path, env: HouseholdEnv) -> None:
-    register_loader(".pt", load_policy)
     source = find_policy(str(folder / BEST))
     assert source.deterministic and source.sha256
     policy = source.make(env)

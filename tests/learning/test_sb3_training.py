@@ -46,7 +46,7 @@ from chmarl_pb.learning.storage.checkpoint import CheckpointError, load, save
 from chmarl_pb.learning.storage.seal import LENGTH
 from chmarl_pb.policies.policy import Policy
 from chmarl_pb.policies.seats import seated
-from chmarl_pb.policies.sources import find_policy, register_loader
+from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.tasks.splits import load_tasks
 from tests.helpers.damage import Evil, flipped
 from tests.helpers.own_things import write_things
@@ -105,7 +105,6 @@ class Both(Policy):
 def test_trained_model_is_a_policy(algo: AlgorithmName, env_id: str, preset: PresetName, tmp_path: Path) -> None:
     config = Config(algo, env_id, preset, steps=8, interval=8, messages=False, **TINY)
     run(config, tmp_path, workers=0)
-    register_loader(".zip", load_policy)
     source = find_policy(str(tmp_path / BEST))
     assert source.deterministic == algo.endswith("dqn") and source.sha256
     goal = {"goal": True} if config.env_options.get("goal") else {}
@@ -220,7 +219,6 @@ def test_a_model_that_sees_one_key_of_one_robot_drives_one(key: str, is_told: bo
 def test_pictures_of_a_lone_humanoid_are_evaluated(tmp_path: Path) -> None:
     """Its drone is told what is in view, as in training, which results say."""
     run(Config("ppo", "CHMARL/VisualHumanoid-v1", steps=8, interval=8, **TINY), tmp_path, workers=0)
-    register_loader(".zip", load_policy)
     options: dict[str, Any] = {"goal": True, "image_size": 32, "max_steps": 4}
     path = str(tmp_path / BEST)
     report = chmarl_pb.evaluate(path, "val-unseen", "visual", [0], 1, tasks=["val-unseen-000"], **options)
@@ -234,7 +232,6 @@ def test_own_words_are_learned_and_played(env_id: str, tmp_path: Path) -> None:
     assert config.env_options["messages"] == "symbols" and not config.env_options["feedback"]
     run(config, tmp_path, workers=0)
     assert read_model(tmp_path / BEST)[0].feedback is False, "there is none, whatever was asked for"
-    register_loader(".zip", load_policy)
     assert find_policy(str(tmp_path / BEST)).rules == {
         "track": "grounded",
         "goal": True,

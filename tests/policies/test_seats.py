@@ -115,7 +115,7 @@ def test_seeing_policies_are_given_the_truth_only_without_graphs() -> None:
 
 
 def test_a_policys_seed_tells_no_more_than_the_instruction() -> None:
-    assert policy_seed("Bring the mug to the desk.", 0) == policy_seed("Bring the mug to the desk.", 0)
+    assert policy_seed("Bring the mug to the desk.", 0) == 2099580812, "published results were played by this one"
     seeds = {policy_seed(text, seed) for text in ("Bring the mug.", "Bring the cup.") for seed in range(50)}
     assert len(seeds) == 100
 
