@@ -5,10 +5,14 @@ gym.make("CHMARL/SceneGraph-v0")
 chmarl_pb.parallel_env(observation="visual", split="val-unseen")
 """
 
+from contextlib import nullcontext
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from chmarl_pb.envs.registration import register_envs
+from chmarl_pb.signals import is_program, loading
+
+with loading("chmarl-pb") if is_program() else nullcontext():
+    from chmarl_pb.envs.registration import register_envs
 
 if TYPE_CHECKING:
     from chmarl_pb.envs.flat import flat_env as flat_env

@@ -94,9 +94,11 @@ def replacing(path: Path) -> Iterator[Path]:
     The folder is made if it is missing. Links are followed; a device or a pipe, as ``/dev/null``, is written to.
 
     Raises:
-        WriteError: the disk is full, or refuses it for another reason.
+        WriteError: a folder is there, the disk is full, or refuses it for another reason.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):
+    if path.is_dir():
+        raise WriteError(f"{path}: is a folder; name a file in it, or remove it")
+    if path.exists() and not path.is_file():
         with tempfile.TemporaryDirectory() as folder, writing(path, Path(folder)):
             yield (made := Path(folder) / "made")
             with made.open("rb") as source, path.open("wb") as device:

@@ -9,7 +9,7 @@ from concurrent.futures import wait as wait_for
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
-from multiprocessing import parent_process
+from multiprocessing import parent_process, resource_tracker
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Thread
@@ -166,9 +166,28 @@ def submitted(executor: Executor, work: Callable[..., Result], *job: Any) -> "Fu
         WorkerError: no process can be started.
     """
     try:
-        return executor.submit(work, *job)
+        with unheard():
+            return executor.submit(work, *job)
     except OSError as error:
         raise _not_started(error) from error
+
+
+@contextmanager
+def unheard() -> Iterator[None]:
+    """Let processes that are started within not hear interrupts until they ignore them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # which lets them be heard, should it be started within
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _interrupts())
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _interrupts() -> list[int]:
+    return [getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)]
 
 
 def is_helper() -> bool:
@@ -178,8 +197,10 @@ def is_helper() -> bool:
 
 def begin() -> None:
     """Leave interrupts to the parent, and end when it is gone; called by each process that is started to help."""
-    for name in {"SIGINT", "SIGHUP"} & set(dir(signal)):
-        signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in _interrupts():
+        signal.signal(number, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _interrupts())
     parent = parent_process()
     assert parent is not None
 

@@ -167,6 +167,13 @@ def test_a_place_that_takes_no_file_is_named(tmp_path: Path) -> None:
                 write(tmp_path / place, "")
 
 
+def test_a_folder_in_the_place_of_a_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "notes.json").mkdir()
+    with pytest.raises(WriteError, match=r"notes\.json: is a folder; name a file in it, or remove it"):
+        write_atomically(tmp_path / "notes.json", "")
+    assert list(tmp_path.rglob("*")) == [tmp_path / "notes.json"]
+
+
 def test_a_line_is_added_whole_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
     append_line(path, "a" * 5000)

@@ -20,6 +20,7 @@ from chmarl_pb.files import file_hash, replacing, unsealed_or_plain
 from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.weights import MOST_BYTES, POLICY, Weights, read_manifest, write_manifest
+from chmarl_pb.reading import read_regular
 from training.score import SCORES
 
 CHECKPOINTS = ("best.pt", "best.zip")  # files of a run's folder
@@ -84,8 +85,10 @@ def _checkpoint(run: Path) -> Path:
 
 def _facts(path: Path, sha256: str) -> dict[str, Any]:
     """Return what a result tells of a checkpoint."""
+    if not path.exists():
+        raise ResultError(f"{path}: no such result; run `python -m training.score`, or name one by --result")
     try:
-        content = unsealed_or_plain(path.read_text(encoding="utf-8"))
+        content = unsealed_or_plain(read_regular(path).decode("utf-8"))
         played = content["evaluation"]
         if content["checkpoint"]["sha256"] != sha256:
             raise ValueError("its figures are those of other weights")
@@ -95,8 +98,6 @@ def _facts(path: Path, sha256: str) -> dict[str, Any]:
             "options": _unusual(played["options"]),
             "published": {split: _figures(one["summary"]) for split, one in played["splits"].items()},
         }
-    except FileNotFoundError as error:
-        raise ResultError(f"{path}: no such result; run `python -m training.score`, or name one by --result") from error
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ResultError(f"{path}: not the result of these weights: {error}; evaluate them again") from error
 

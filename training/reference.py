@@ -30,6 +30,7 @@ from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.learning.runs.logger import METRICS, read_rows
 from chmarl_pb.learning.runs.loop import train
 from chmarl_pb.learning.runs.validation import by_return
+from chmarl_pb.reading import read_regular
 from training.outside import Foraging, Spread
 
 VALIDATED = 64  # episodes of a validation
@@ -188,7 +189,7 @@ def _read(path: Path) -> list[dict[str, Any]]:
     if not path.exists():
         return []
     try:
-        runs: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+        runs: list[dict[str, Any]] = json.loads(read_regular(path).decode("utf-8"))
         if not isinstance(runs, list):
             raise ValueError("no list of runs")
         for run in runs:

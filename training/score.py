@@ -57,6 +57,8 @@ def score(
     """
     if checkpoint.suffix not in _ENDINGS:
         raise CheckpointError(f"{checkpoint}: weights end in {' or '.join(_ENDINGS)}; name such a file")
+    if not checkpoint.is_file():
+        raise CheckpointError(f"{checkpoint}: no such file; name a checkpoint that is there")
     with Lock(folder / SCORES):
         rules = {"messages": messages, "feedback": feedback, "robots": listed(robots)}
         return _score(checkpoint, observation, folder, splits, rules)
@@ -65,6 +67,7 @@ def score(
 def _score(
     checkpoint: Path, observation: str, folder: Path, splits: Sequence[str], rules: dict[str, Any]
 ) -> dict[str, Any]:
+    sha256 = file_hash(checkpoint)
     reports = {
         split: chmarl_pb.evaluate(
             str(checkpoint), split, observation, workers=1, out=folder / f"{split}.json", reuse=True,
@@ -72,7 +75,9 @@ def _score(
         )
         for split in splits
     }  # fmt: skip
-    facts = {"sha256": file_hash(checkpoint), "learners_sha256": source_hash(learning), **_facts(checkpoint)}
+    facts = {"sha256": sha256, "learners_sha256": source_hash(learning), **_facts(checkpoint)}
+    if file_hash(checkpoint) != sha256:
+        raise CheckpointError(f"{checkpoint}: changed while it was evaluated; copy it, or evaluate again")
     kept = {"checkpoint": facts, "evaluation": _kept(reports), "versions": _versions(), "machine": machine()}
     write_atomically(folder / SCORES, sealed(kept))
     return kept

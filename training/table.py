@@ -44,6 +44,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _main(chosen: argparse.Namespace, extra: tuple[str, ...], page: Path) -> int:
+    if chosen.show and not chosen.results.is_dir():
+        raise OptionError(f"--results {chosen.results}: no such folder; name the one that has the results")
     failed = [] if chosen.show else _work(chosen, extra, page)
     write_page(chosen.results, page)
     print(page)

@@ -17,7 +17,7 @@ from chmarl_pb.cli.arguments import (
     given_rules,
 )
 from chmarl_pb.cli.evaluate import interval, number, percent
-from chmarl_pb.cli.output import add_json, tell
+from chmarl_pb.cli.output import add_json, check_json_apart, tell
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK
 from chmarl_pb.evaluation.audit import audit
 from chmarl_pb.evaluation.audit_file import FORMAT, Audit, Line
@@ -45,11 +45,13 @@ def run_audit(options: argparse.Namespace) -> int:
     Rows that are there already and were made with the same settings are kept.
 
     Raises:
-        OptionError: there is no such split, or a number is less than 1.
+        OptionError: there is no such split, a number is less than 1, or something else lies where a file is to be
+            written.
         TaskError: there is no such task.
     """
     split = HEADLINE_SPLITS[options.track] if options.split is OF_TRACK else options.split
     out = options.out or Path("out/audit") / f"{'-'.join([options.track, split, *_differing(options)])}.json"
+    check_json_apart(options, out.with_suffix(""))
     with chosen_executor(options) as executor, progress_bar() as bar:
         found = audit(
             split, seeds=chosen_seeds(options), executor=executor, out=out, progress=partial(_advance, bar, {}),

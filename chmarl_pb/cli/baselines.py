@@ -7,14 +7,13 @@ from pathlib import Path
 
 from chmarl_pb.cli.arguments import add_seeds, add_track, add_workers, chosen_executor, chosen_seeds, output_folder
 from chmarl_pb.cli.evaluate import interval, number, percent
-from chmarl_pb.cli.output import add_json, each, tell
+from chmarl_pb.cli.output import add_json, check_json_apart, each, tell
 from chmarl_pb.envs.tracks import GROUNDED, MAX_STEPS, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
-from chmarl_pb.evaluation.cooperation import reference_json
+from chmarl_pb.evaluation.cooperation import check_reference, write_reference
 from chmarl_pb.evaluation.metrics import Played
-from chmarl_pb.evaluation.protocol import evaluate
+from chmarl_pb.evaluation.protocol import check_out, evaluate
 from chmarl_pb.evaluation.result import Report, is_summary
-from chmarl_pb.files import write_atomically
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.progress import progress_bar
 from chmarl_pb.tasks.language import WORDINGS
@@ -55,28 +54,35 @@ def run_baselines(options: argparse.Namespace) -> int:
 
     Raises:
         TaskError: there is no such split.
-        OptionError: a number is less than 1, or references are asked for that are not of the paper's rules.
+        OptionError: a number is less than 1, references are asked for that are not of the paper's rules, or something
+            else lies where a file is to be written.
     """
     if options.references is not None and options.track != PAPER:
         raise OptionError(f"--references are lengths by the paper's rules; leave out --track {options.track}")
     splits: Sequence[str] = options.split or _SPLITS[options.track]
     for split in splits:
         load_tasks(split)  # says so if there is no such split
-    reports: dict[str, dict[str, Report]] = {split: {} for split in splits}
+    policies: Sequence[str] = options.policy or tuple(BUILT_IN)
     own = "" if options.track == PAPER else f"{options.track}-"
+    files = {(split, policy): options.out / f"{own}{split}-{policy}.json" for split in splits for policy in policies}
+    references = {split: options.references / f"{split}.json" for split in splits if options.references is not None}
+    check_json_apart(options, options.out, options.references)
+    for path in files.values():
+        check_out(path)
+    for path in references.values():
+        check_reference(path)
+    reports: dict[str, dict[str, Report]] = {split: {} for split in splits}
     with chosen_executor(options) as executor, progress_bar() as bar:
         for split in splits:
-            for policy in options.policy or BUILT_IN:
+            for policy in policies:
                 reports[split][policy] = evaluate(
                     policy, split, seeds=chosen_seeds(options), executor=executor,
-                    out=options.out / f"{own}{split}-{policy}.json", reuse=True,
+                    out=files[split, policy], reuse=True,
                     progress=bar.counter(f"{policy} on {split}"), track=options.track,
                 )  # fmt: skip
-            if options.references is not None:
+            if split in references:
                 episodes = {name: report.episodes for name, report in reports[split].items()}
-                path = options.references / f"{split}.json"
-                before = path.read_text() if path.is_file() else ""
-                write_atomically(path, reference_json(split, MAX_STEPS, episodes, before))
+                write_reference(references[split], split, MAX_STEPS, episodes)
     tables = [*_tables(reports), _difficulty(reports, TRACKS[options.track]["max_steps"])]
     tell(
         options,

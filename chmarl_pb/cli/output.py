@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from rich.console import Console
 
 from chmarl_pb.cli.arguments import STDOUT, OutputFile
-from chmarl_pb.errors import WriteError
+from chmarl_pb.errors import OptionError, WriteError
 from chmarl_pb.evaluation.json_file import check_own
 from chmarl_pb.files import write_atomically
 from chmarl_pb.progress import is_silent
@@ -75,6 +75,21 @@ def check_json(options: argparse.Namespace) -> None:
     target = getattr(options, "json", None)
     if target not in (None, STDOUT):
         check_own(Path(target), *options.own_json)
+
+
+def check_json_apart(options: argparse.Namespace, *folders: Path | None) -> None:
+    """Refuse to write the JSON of a command among other files that it writes.
+
+    Args:
+        options: with ``json``.
+        folders: of these files; None: there are none.
+
+    Raises:
+        OptionError: it is to lie in one of them.
+    """
+    for folder in folders if options.json not in (None, STDOUT) else ():
+        if folder is not None and Path(os.path.realpath(options.json)).is_relative_to(os.path.realpath(folder)):
+            raise OptionError(f"--json {options.json}: lies in {folder}, among other results; name a file elsewhere")
 
 
 def tell(options: argparse.Namespace, result: Callable[[], Any], show: Callable[[], object]) -> None:

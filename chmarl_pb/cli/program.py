@@ -10,11 +10,10 @@ from contextlib import nullcontext
 from importlib import import_module
 
 from chmarl_pb import __version__
-from chmarl_pb.cli.arguments import STDOUT, add_verb, check_outputs
-from chmarl_pb.cli.output import check_json
-from chmarl_pb.errors import ChmarlError, MissingExtraError
-from chmarl_pb.progress import silence
-from chmarl_pb.signals import Interrupted, handled, reader_gone
+from chmarl_pb.errors import ChmarlError
+from chmarl_pb.signals import Interrupted, ended_by, handled, loading, reader_gone
+
+PROGRAM = "chmarl-pb"
 
 #: Command -> what it does, and an example; those without one have verbs with examples. Its module, of the same name in
 #: this package, is imported when it is asked for: ``add`` puts its options into a parser, with the function that runs
@@ -73,17 +72,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0 on success, 1 if a check failed, 2 on bad input, 128 + N when stopped by the signal N."""
     _secure_streams()
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if given and given[0] in LEARNERS:
-        return _learn(given[0], given[1:])
     try:
-        options = parser_of(given).parse_args(given)
-        check_outputs(options)
-        check_json(options)
-        quiet = options.quiet or getattr(options, "json", None) == STDOUT
-        with handled(), silence() if quiet else nullcontext():
-            code = int(options.run(options))
-            sys.stdout.flush()
-        return code
+        return _learn(given[0], given[1:]) if given and given[0] in LEARNERS else _run(given)
     except ChmarlError as error:
         return _failed(str(error), 2)
     except BrokenPipeError:
@@ -94,9 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _failed(f"{error.filename}: {error.strerror}; choose another file or folder", 2)
     except KeyboardInterrupt as error:
         number = error.number if isinstance(error, Interrupted) else signal.SIGINT
-        return _failed(
-            "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}", 128 + number
-        )
+        return _failed(ended_by(number), 128 + number)
 
 
 def _secure_streams() -> None:
@@ -115,24 +103,43 @@ def _secure_streams() -> None:
 
 def _failed(message: str, code: int) -> int:
     """Print why a command ends, and return its exit code."""
-    print(f"chmarl-pb: {message}", file=sys.stderr)
+    print(f"{PROGRAM}: {message}", file=sys.stderr)
     return code
+
+
+def _run(given: Sequence[str]) -> int:
+    with loading(PROGRAM):
+        from chmarl_pb.cli.arguments import STDOUT, check_outputs
+        from chmarl_pb.cli.output import check_json
+        from chmarl_pb.progress import silence
+
+        parser = parser_of(given)
+    with handled():
+        options = parser.parse_args(given)
+        check_outputs(options)
+        check_json(options)
+        quiet = options.quiet or getattr(options, "json", None) == STDOUT
+        with silence() if quiet else nullcontext():
+            code = int(options.run(options))
+            sys.stdout.flush()
+        return code
 
 
 def _learn(command: str, arguments: Sequence[str]) -> int:
     if (
         "torch" not in sys.modules and "--quiet" not in arguments
     ):  # which takes seconds, on a busy machine or from a cold disk many
-        print(f"chmarl-pb {command}: loading PyTorch", file=sys.stderr, flush=True)
-    try:
-        return int(import_module(f"chmarl_pb.cli.{command}").main(arguments))
-    except MissingExtraError as error:
-        return _failed(str(error), 2)
+        print(f"{PROGRAM} {command}: loading PyTorch", file=sys.stderr, flush=True)
+    with loading(PROGRAM):
+        module = import_module(f"chmarl_pb.cli.{command}")
+    return int(module.main(arguments))
 
 
 def parser_of(given: Collection[str]) -> argparse.ArgumentParser:
     """Return a parser that knows the options of the commands that are given."""
-    parser = argparse.ArgumentParser(prog="chmarl-pb", description="Cooperative robots in homes, on PyBullet.")
+    from chmarl_pb.cli.arguments import add_verb  # here, as it takes long: main() has to be there first
+
+    parser = argparse.ArgumentParser(prog=PROGRAM, description="Cooperative robots in homes, on PyBullet.")
     parser.add_argument("--version", action="version", version=__version__)
     parsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (text, example) in COMMANDS.items():

@@ -6,6 +6,7 @@ on the number of processes that make them.
 
 import csv
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import cache, partial
 from pathlib import Path
@@ -14,7 +15,8 @@ import numpy as np
 
 from chmarl_pb import catalog
 from chmarl_pb.errors import TaskError
-from chmarl_pb.files import Lock, replacing, write_atomically
+from chmarl_pb.evaluation.provenance import packaged_things_hash, source_hash
+from chmarl_pb.files import Lock, append_line, replacing, sealed, unsealed, write_atomically
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.processes import check_workers, in_processes
 from chmarl_pb.progress import progress_bar
@@ -41,8 +43,56 @@ Slot = tuple[str, int, int]  # split, number, first attempt
 Kind = tuple[str, str, str, str]
 
 
+class SolvedFile:
+    """A side file of the tasks of a split that are solved, one line each, so that an interrupted build goes on.
+
+    Each line has a checksum that also covers what the tasks are made by, so none counts in another version.
+
+    Attributes:
+        path: of the file; it is there once there is a task.
+        solved: slot -> its attempt and task.
+    """
+
+    def __init__(self, tasks: Path, split: str):
+        """Read what is solved; the caller holds the lock of the folder.
+
+        Args:
+            tasks: file of the split's tasks, beside which it lies.
+            split: its name.
+        """
+        self.path, self.solved = tasks.with_name(f"{tasks.name}.partial"), dict[Slot, tuple[int, Task]]()
+        homes = () if split in GENERATED_HOMES else homes_of(split)  # those that the source does not tell
+        self._made_by = " ".join(
+            [str(VERSION), split, source_hash(), packaged_things_hash(), *(load_home(home).content for home in homes)]
+        )
+        lines = self.path.read_bytes().splitlines() if self.path.is_file() else []
+        for line in lines:
+            with suppress(KeyError, TypeError, ValueError):
+                row = unsealed(line.decode(), self._made_by)
+                self.solved[split, row["number"], row["first"]] = row["attempt"], Task(**row["task"])
+        if lines:
+            write_atomically(self.path, "".join(f"{self._line(slot)}\n" for slot in self.solved))
+
+    def _line(self, slot: Slot) -> str:
+        (_, number, first), (attempt, task) = slot, self.solved[slot]
+        return sealed({"number": number, "first": first, "attempt": attempt, "task": asdict(task)}, self._made_by)
+
+    def add(self, slot: Slot, attempt: int, task: Task) -> None:
+        """Write down a solved task.
+
+        Raises:
+            WriteError: the disk is full.
+        """
+        self.solved[slot] = attempt, task
+        append_line(self.path, self._line(slot))
+
+    def remove(self) -> None:
+        """Delete it: the tasks are written."""
+        self.path.unlink(missing_ok=True)
+
+
 def build_all(folder: Path, workers: int) -> int:
-    """Write the task files of all splits into a folder; a file that is there already is kept.
+    """Write the task files of all splits into a folder; a file that is there already is kept, as are solved tasks.
 
     Args:
         folder: where the CSV files go; made if it is missing.
@@ -74,14 +124,18 @@ def _build_all(folder: Path, workers: int) -> None:
                     raise TaskError(f"{path}: {len(tasks)} tasks instead of {SPLIT_SIZES[split]}; remove it")
                 kinds.update(_kind(task) for task in tasks)
             else:
-                tasks = build_split(split, SPLIT_SIZES[split], kinds, workers, partial(bar.advance, row))
+                file = SolvedFile(path, split)
+                tasks = build_split(split, SPLIT_SIZES[split], kinds, workers, partial(bar.advance, row), file)
                 write_tasks(path, tasks)
+                file.remove()
             bar.update(row, completed=len(tasks))
     homes = (home for split in GENERATED_HOMES for home in homes_of(split))
     write_atomically(folder / HOMES_FILE.name, "".join(f"{load_home(home).content}  {home}\n" for home in homes))
 
 
-def build_split(split: str, size: int, taken: set[Kind], workers: int, progress: Callable[[int], None]) -> list[Task]:
+def build_split(
+    split: str, size: int, taken: set[Kind], workers: int, progress: Callable[[int], None], file: SolvedFile
+) -> list[Task]:
     """Return a split's tasks; no two of them, and none in ``taken``, share home, object, source and target.
 
     Of train-limited some do: with one source for each object there are not enough.
@@ -92,12 +146,13 @@ def build_split(split: str, size: int, taken: set[Kind], workers: int, progress:
         taken: kinds of tasks that other splits have; the new ones are added.
         workers: number of processes.
         progress: called with the number of tasks that have been solved since its last call.
+        file: has those that are solved already, and gets the others.
     """
     chosen: dict[int, Task] = {}
     slots: list[Slot] = [(split, number, 0) for number in range(size)]
     while slots:
         again: list[Slot] = []
-        for (_, number, _), (attempt, task) in zip(slots, _solved(slots, workers), strict=True):
+        for (_, number, _), (attempt, task) in zip(slots, _solved(slots, workers, file), strict=True):
             kind = _kind(task)
             if kind in taken:
                 again.append((split, number, attempt + 1))
@@ -122,9 +177,14 @@ def write_tasks(path: Path, tasks: list[Task]) -> None:
         writer.writerows(asdict(task) for task in tasks)
 
 
-def _solved(slots: list[Slot], workers: int) -> Iterator[tuple[int, Task]]:
+def _solved(slots: list[Slot], workers: int, file: SolvedFile) -> Iterator[tuple[int, Task]]:
     """Yield attempt and task of each slot, in order."""
-    return map(_solve_slot, slots) if workers == 1 else in_processes(_solve_slot, slots, workers, ordered=True)
+    left = [slot for slot in slots if slot not in file.solved]
+    found = map(_solve_slot, left) if workers == 1 else in_processes(_solve_slot, left, workers, ordered=True)
+    for slot in slots:
+        if slot not in file.solved:
+            file.add(slot, *next(found))
+        yield file.solved[slot]
 
 
 def _solve_slot(slot: Slot) -> tuple[int, Task]:

@@ -16,7 +16,7 @@ from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
 from chmarl_pb.evaluation.audit_file import FORMAT, Audit, Line
 from chmarl_pb.evaluation.json_file import check_replaceable
-from chmarl_pb.evaluation.protocol import SEEDS, evaluate
+from chmarl_pb.evaluation.protocol import SEEDS, check_out, evaluate
 from chmarl_pb.evaluation.result import Report
 from chmarl_pb.executors import Executor
 from chmarl_pb.policies.registry import BUILT_IN, PARTS
@@ -85,7 +85,8 @@ def audit(
         **options: of :func:`chmarl_pb.evaluate`: ``observation``, ``tasks``, and those of the environment.
 
     Raises:
-        OptionError: a split or an option is unknown, or ``out`` is a folder, or a file that is no audit.
+        OptionError: a split or an option is unknown, or ``out`` or the file of a row is a folder, or holds
+            something else.
         BusyError: another process writes a result.
         WorkerError: a process died; finished episodes are kept.
         WriteError: a file cannot be written.
@@ -96,9 +97,10 @@ def audit(
     file = None if out is None else Path(out)
     if file is not None:
         check_replaceable(file, FORMAT, "an audit")
+    rows = rows_of(setting)
+    paths = [None if file is None else check_out(file.with_suffix("") / f"{row.slug}.json") for row in rows]
     lines, reports = list[Line](), list[Report]()
-    for row in rows_of(setting):
-        path = None if file is None else file.with_suffix("") / f"{row.slug}.json"
+    for row, path in zip(rows, paths, strict=True):
         report = evaluate(
             row.policy, split, seeds=seeds, workers=workers, out=path, reuse=True, progress=partial(progress, row.name),
             executor=executor, **{**given, **row.changes},

@@ -7,16 +7,17 @@ the drone, without hearing it, and by the humanoid alone. `chmarl-pb baselines -
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
+from chmarl_pb.evaluation.json_file import check_own
 from chmarl_pb.evaluation.metrics import Played, path_weighted
 from chmarl_pb.evaluation.provenance import home_hashes, tasks_hash
 from chmarl_pb.evaluation.sample import evaluated_tasks
+from chmarl_pb.files import write_atomically
 from chmarl_pb.tasks.language import WORDINGS, wording_of_task
 from chmarl_pb.tasks.tidy_task import AnyTask
 
@@ -167,6 +168,35 @@ def read_reference(split: str, folder: Path | None = None) -> Reference | None:
     return Reference(data["max_steps"], {task: data["lengths"][task.id] for task in tasks})
 
 
+def check_reference(path: Path) -> None:
+    """Refuse to write reference lengths over a file that holds something else.
+
+    Raises:
+        OptionError: so it is.
+    """
+    check_own(path, _is_reference, "a file of reference lengths")
+
+
+def _is_reference(found: Any) -> bool:
+    if not isinstance(found, dict) or not found.keys() >= {"split", "max_steps", "tasks", "homes", "lengths"}:
+        return False
+    return isinstance(found["lengths"], dict) and all(
+        isinstance(of_task, dict) for of_task in found["lengths"].values()
+    )
+
+
+def write_reference(path: Path, split: str, max_steps: int, episodes: Mapping[str, Sequence[Played]]) -> None:
+    """Write a split's reference file; what other policies did on the same tasks stays in it, see ``reference_json``.
+
+    Raises:
+        OptionError: something else is there.
+        WriteError: it cannot be written.
+    """
+    check_reference(path)
+    before = path.read_text(encoding="utf-8") if path.is_file() else ""
+    write_atomically(path, reference_json(split, max_steps, episodes, before))
+
+
 def reference_json(split: str, max_steps: int, episodes: Mapping[str, Sequence[Played]], before: str = "") -> str:
     """Return the text of a split's reference file.
 
@@ -190,11 +220,11 @@ def reference_json(split: str, max_steps: int, episodes: Mapping[str, Sequence[P
 
 def _lengths_in(text: str, head: dict[str, Any]) -> dict[str, Any]:
     """Return task id -> policy -> lengths of a reference file's text, nothing if it begins otherwise."""
-    with suppress(ValueError, KeyError):
+    try:
         kept = json.loads(text)
-        if {name: kept[name] for name in head} == head:
-            return dict(kept["lengths"])
-    return {}
+    except (ValueError, RecursionError):
+        return {}
+    return dict(kept["lengths"]) if _is_reference(kept) and head.items() <= kept.items() else {}
 
 
 def _lengths(episodes: Sequence[Played]) -> dict[AnyTask, list[int | None]]:

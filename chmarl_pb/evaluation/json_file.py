@@ -83,7 +83,7 @@ def check_own(path: Path, is_own: Callable[[Any], bool], what: str) -> None:
         return
     except ValueError:  # no JSON
         pass
-    if path.stat().st_size:
+    if path.is_dir() or path.stat().st_size:
         raise OptionError(f"{path} is there already and is not {what}; name another file, or remove it")
 
 

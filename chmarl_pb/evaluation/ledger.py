@@ -1,8 +1,10 @@
 """The ledger: a side file of finished episodes, one line each, so that an interrupted evaluation goes on."""
 
 import json
+import os
 import warnings
 from collections.abc import Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ class Ledger:
     Each line has a checksum that also covers the settings, so no line counts in another evaluation.
 
     Attributes:
-        path: of the side file, beside the result file.
+        path: of the side file, beside the result file; it is there once there is an episode.
         episodes: that were finished before, at most one for each job.
     """
 
@@ -37,7 +39,7 @@ class Ledger:
         self._head = json.dumps(settings, sort_keys=True)
         lines = self.path.read_bytes().splitlines() if self.path.is_file() else []
         if lines and lines[0] != self._head.encode():
-            kept = self.path.with_suffix(".old")
+            kept = _free(self.path.with_suffix(".old"))
             self.path.replace(kept)
             warnings.warn(f"{self.path}: is of another evaluation; it is kept as {kept}", RuntimeWarning, stacklevel=2)
             lines = []
@@ -49,7 +51,13 @@ class Ledger:
                 RuntimeWarning,
                 stacklevel=2,
             )
-        write_atomically(self.path, "".join(f"{line}\n" for line in [self._head, *map(self._line, self.episodes)]))
+        if self.episodes:
+            self._write(self.episodes)
+        else:
+            self.remove()
+
+    def _write(self, episodes: Sequence[Played]) -> None:
+        write_atomically(self.path, "".join(f"{line}\n" for line in [self._head, *map(self._line, episodes)]))
 
     def _read(self, lines: Sequence[bytes], jobs: Sequence[Job]) -> list[Played]:
         """Return the first episode of each job that the lines hold."""
@@ -73,8 +81,17 @@ class Ledger:
         Raises:
             WriteError: the disk is full.
         """
-        append_line(self.path, self._line(episode))
+        if self.path.is_file():
+            append_line(self.path, self._line(episode))
+        else:
+            self._write([episode])
 
     def remove(self) -> None:
-        """Delete the side file: the result is written."""
+        """Delete the side file: the result is written, or nothing is finished."""
         self.path.unlink(missing_ok=True)
+
+
+def _free(path: Path) -> Path:
+    """Return a path that nothing is at: the one that is given, or one with a number after it."""
+    names = chain([path.name], (f"{path.name}{number}" for number in count(2)))
+    return next(free for name in names if not os.path.lexists(free := path.with_name(name)))

@@ -21,7 +21,7 @@ from chmarl_pb.executors import Executor
 from chmarl_pb.policies.policy import Factory, Policy, called
 from chmarl_pb.policies.registry import BUILT_IN
 from chmarl_pb.policies.seats import seated
-from chmarl_pb.policies.sources import find_policy, imported
+from chmarl_pb.policies.sources import Source, find_policy, imported
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.simulations import MOST_SIMULATIONS
 from chmarl_pb.tasks.tidy_task import AnyTask
@@ -41,11 +41,13 @@ class Setup:
         options: of the environment.
         env_fn: makes the environment from the options as keyword arguments, or its name as ``module:callable``; None:
             the environment itself.
+        sha256: of the policy that is to play, if that may change meanwhile; None: of what is there.
     """
 
     policy: str | os.PathLike[str] | Factory | Policy
     options: Options
     env_fn: str | EnvFn | None = None
+    sha256: str | None = None
 
     @property
     def maker(self) -> EnvFn:
@@ -61,6 +63,27 @@ class Setup:
         """Whether the policy is given more than observations and action masks."""
         source = find_policy(self.policy)
         return source.privileged or (source.needs_graphs and not self.options.shows_graphs)
+
+    def source(self) -> Source:
+        """Return the policy.
+
+        Raises:
+            OptionError: there is none, or it is no more the one that is to play.
+        """
+        source = find_policy(self.policy)
+        source.check(self.sha256)
+        return source
+
+    def make_policies(self, envs: Sequence[Any]) -> list[Policy]:
+        """Return a policy for each environment.
+
+        Raises:
+            OptionError: it cannot be made, or is no more the one that is to play.
+        """
+        source = self.source()
+        policies = [seated(source.make, env, self.privileged, source.centralized) for env in envs]
+        source.check(self.sha256)  # each of them has been read by itself
+        return policies
 
     def make_env(self) -> Any:
         """Return a new environment.
@@ -82,8 +105,8 @@ class Player:
         Raises:
             OptionError: there is no such policy, or the environment is not made from this package's.
         """
-        source, self.env = find_policy(setup.policy), setup.make_env()
-        self.policy = seated(source.make, self.env, setup.privileged, source.centralized)
+        self.env = setup.make_env()
+        (self.policy,) = setup.make_policies([self.env])
 
     def play(self, job: Job) -> Played:
         """Play one job; its result does not depend on those before it."""

@@ -20,10 +20,7 @@ from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.plan import Plan, plan_of
 from chmarl_pb.evaluation.play import EnvFn, Job, Setup, play
-from chmarl_pb.evaluation.provenance import (
-    machine,
-    versions,
-)
+from chmarl_pb.evaluation.provenance import machine, versions
 from chmarl_pb.evaluation.result import FORMAT, SEATS_APART, Report, in_order, load_result
 from chmarl_pb.evaluation.rules import rules_with
 from chmarl_pb.evaluation.seats_apart import some_of, what_is_shared
@@ -35,8 +32,6 @@ from chmarl_pb.policies.sources import Source, find_policy
 from chmarl_pb.tasks.tidy_task import AnyTask
 
 SEEDS = (0, 1, 2)
-
-_UNKNOWN = "unknown-"  # begins what stands in settings for the sha256 of what nothing tells apart
 
 #: Called after each finished episode with the numbers of finished and of all episodes.
 Progress = Callable[[int, int], None]
@@ -96,7 +91,8 @@ def evaluate(
 
     Raises:
         OptionError: the policy, the environment or an option is unknown, the label cannot name a row, ``out`` is a
-            folder or a file that is no result, or policies share what their robots observe.
+            folder or a file that is no result, policies share what their robots observe, or the policy has changed
+            meanwhile.
         TaskError: a task is unknown, of another split, or cannot be solved by the planner, which tells L*.
         BusyError: another process writes ``out``.
         WorkerError: a process died; finished episodes are kept.
@@ -109,12 +105,13 @@ def evaluate(
     source = find_policy(policy)
     options = rules_with(source.rules, options)
     split = HEADLINE_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
-    setup = Setup(policy, Options(observation or source.observation or "scene_graph", split, **options), env_fn)
+    observed = Options(observation or source.observation or "scene_graph", split, **options)
+    setup = Setup(policy, observed, env_fn, source.sha256 if source.told else None)
     if check_seats:
         _check_has_seats(source, setup)
     plan = plan_of(source, setup, tasks, seeds)
     executor = executor_of(executor, workers)
-    file = None if out is None else _checked(Path(out))
+    file = None if out is None else check_out(Path(out))
     settings = settings_of(plan)
     if file is not None:
         warn_of_unknown(settings)
@@ -124,8 +121,8 @@ def evaluate(
     return _written(file, plan, settings, run, label, reuse, check_seats)
 
 
-def _checked(file: Path) -> Path:
-    """Return where a result is to be written.
+def check_out(file: Path) -> Path:
+    """Return where a result is to be written, if it may be.
 
     Raises:
         OptionError: a folder is there, or a file that is no result.
@@ -199,6 +196,7 @@ def _run(
     """Play; return the result, with how its numbers came about."""
     start = time.perf_counter()
     episodes = _played(plan, plays, ledger, progress)
+    plan.source.check()
     run = {
         "label": label,
         "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),

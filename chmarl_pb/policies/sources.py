@@ -6,6 +6,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import entry_points
+from inspect import isclass, isfunction
 from pathlib import Path
 from typing import Any, cast
 
@@ -47,6 +48,8 @@ class Source:
         sha256: of the checkpoint, with the user's own code that it names; of what tells it apart
             (:func:`chmarl_pb.fingerprint.fingerprint`); or of what its eyes have learned. None for what comes with the
             package, and where nothing tells it apart.
+        told: tells ``sha256`` anew, of what may change as long as the policy is used: a checkpoint, which is read
+            whenever the policy is made, or a module, which each process imports. None: nothing of it does.
     """
 
     name: str
@@ -59,6 +62,19 @@ class Source:
     observation: str | None = None
     weights: Weights | None = None
     sha256: str | None = None
+    told: Callable[[], str | None] | None = None
+
+    def check(self, sha256: str | None = None) -> None:
+        """Check that what may change is still as it was.
+
+        Args:
+            sha256: as it was; None: as when this was made.
+
+        Raises:
+            OptionError: it has changed.
+        """
+        if self.told is not None and not (sha256 or self.sha256) == self.sha256 == self.told():
+            raise OptionError(f"{self.name}: changed while it was evaluated; copy it, or evaluate again")
 
     @property
     def options(self) -> dict[str, Any]:
@@ -146,7 +162,8 @@ def find_policy(policy: str | os.PathLike[str] | Factory | Policy) -> Source:
             "a checkpoint's path"
         )
     factory = imported(policy, "policy")
-    return Source(policy, factory, **_declared(factory, _own_hash(factory)))
+    told = partial(_own_hash, factory) if _is_code(factory) else None
+    return Source(policy, factory, **_declared(factory, _own_hash(factory)), told=told)
 
 
 def _with_eyes(name: str, eyes: str) -> Source:
@@ -155,7 +172,8 @@ def _with_eyes(name: str, eyes: str) -> Source:
         raise OptionError(f"{name!r} takes no eyes; use one of: {', '.join(seeing)}")
     found = find_eyes(eyes)
     make, deterministic = partial(_seeing, name, found), BUILT_IN[name].deterministic
-    return Source(f"{name}{_AT}{eyes}", make, deterministic, sha256=found.fingerprint)
+    told = partial(getattr, found, "fingerprint")
+    return Source(f"{name}{_AT}{eyes}", make, deterministic, sha256=found.fingerprint, told=told)
 
 
 def _seeing(name: str, eyes: Eyes, env: Any) -> Policy:
@@ -191,6 +209,13 @@ def _own_hash(made_by: object) -> str | None:
     """Return what tells a policy of the user's, or what makes it, apart."""
     declared = getattr(made_by, "fingerprint", None)
     return declared if isinstance(declared, str) else fingerprint(made_by)
+
+
+def _is_code(made_by: object) -> bool:
+    """Return whether a policy is made by what a module says alone, and not by what holds other things, which change."""
+    if not isclass(made_by) and not (isfunction(made_by) and made_by.__closure__ is None):
+        return False
+    return "<" not in made_by.__qualname__ and made_by.__module__ not in ("__main__", "__mp_main__")
 
 
 def _given(policy: Policy, env: Any) -> Policy:
@@ -240,19 +265,30 @@ def _checkpoint(path: Path) -> Source:
             f"{path}: no learner can load a checkpoint that ends in {ending!r} (known endings: {known}); install the "
             f"learner that wrote it, or give module:callable"
         )
+    before = _hash_of(path)  # of what is read from here on, or it has changed
     factory = load(path)
-    sha256 = _with_code(file_hash(path), getattr(factory, "code", ())) if path.is_file() else None
-    return Source(str(path), factory, **_declared(factory, sha256), rules=getattr(factory, "rules", {}))
+    told = partial(_hash_now, path, factory)
+    sha256 = _with_code(before, getattr(factory, "code", ()))
+    return Source(str(path), factory, **_declared(factory, sha256), rules=getattr(factory, "rules", {}), told=told)
 
 
-def _with_code(sha256: str, code: Collection[object]) -> str | None:
+def _hash_now(path: Path, factory: Factory) -> str | None:
+    """Return what tells a checkpoint apart, and with it what has been read of it."""
+    return _with_code(_hash_of(path), getattr(factory, "code", ()))
+
+
+def _hash_of(path: Path) -> str | None:
+    return file_hash(path) if path.is_file() else None
+
+
+def _with_code(sha256: str | None, code: Collection[object]) -> str | None:
     """Return what tells a checkpoint apart: the hash of its file, and the user's own code that it is played by.
 
     Args:
-        sha256: of the file.
+        sha256: of the file; None: it is none.
         code: that it names, if any.
     """
     told = [fingerprint(one) for one in code]
-    if None in told:
+    if sha256 is None or None in told:
         return None
     return sha256_of(part.encode() for part in (sha256, *filter(None, told))) if told else sha256

@@ -11,6 +11,7 @@ import pytest
 
 from chmarl_pb.cli import main
 from chmarl_pb.evaluation.result import load_result
+from chmarl_pb.signals import Interrupted, handled
 from chmarl_pb.tasks.splits import load_tasks
 from tests.test_processes import gone
 
@@ -66,3 +67,85 @@ def test_ended_evaluation_leaves_no_process_and_goes_on_with_each_episode_once(
     assert main([*command, "--workers", "1"]) == 0
     jobs = [episode.job for episode in load_result(out).episodes]
     assert len(jobs) == len(set(jobs)) == 8 and not partial.exists()
+
+
+#: Stops the import of a module until a signal comes, and says so.
+SLOW = """
+import os, sys, time
+
+class Slow:
+    def find_spec(self, name, path=None, target=None):
+        if name == os.environ.get("SLOW_MODULE"):
+            print("importing", flush=True)
+            time.sleep(60)
+
+sys.meta_path.insert(0, Slow())
+"""
+
+SCRIPT = "import sys; sys.argv[0] = 'bin/chmarl-pb'; from chmarl_pb.cli import main; sys.exit(main())"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        ("gymnasium", ["-m", "chmarl_pb", "homes", "list"]),
+        ("chmarl_pb.cli.arguments", ["-m", "chmarl_pb.cli", "homes", "list"]),
+        ("gymnasium", ["-c", SCRIPT, "homes", "list"]),
+        ("chmarl_pb.cli.homes", ["-c", SCRIPT, "homes", "list"]),
+        ("torch", ["-m", "training.train", "--algo", "qmix"]),
+        ("stable_baselines3", ["-m", "training.sb3", "--algo", "ppo"]),
+        ("torch", ["-m", "training.table", "--show"]),
+        ("torch", ["-m", "training.pretrain"]),
+    ],
+    ids=lambda value: value if isinstance(value, str) else value[1],
+)
+def test_an_interrupt_is_one_line_though_modules_are_still_imported(
+    module: str, words: list[str], number: signal.Signals, tmp_path: Path
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(SLOW)
+    paths = os.pathsep.join([str(tmp_path), str(ROOT)])
+    process = subprocess.Popen(
+        [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": paths, "SLOW_MODULE": module},
+    )  # fmt: skip
+    assert process.stdout and process.stdout.readline() == "importing\n"
+    process.send_signal(number)
+    _, said = process.communicate(timeout=60)
+    lines = [line for line in said.splitlines() if not line.endswith("loading PyTorch")]
+    assert process.returncode == 128 + number and len(lines) == 1, said
+    assert ("interrupted" if number == signal.SIGINT else "ended by SIGTERM") in lines[0]
+
+
+def test_what_a_library_makes_of_an_interrupt_is_an_interrupt() -> None:
+    with pytest.raises(Interrupted), handled():
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except KeyboardInterrupt as error:
+            raise ImportError("numpy.core.multiarray failed to import") from error
+
+
+def test_processes_that_are_started_do_not_hear_interrupts_as_they_import(tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(SLOW)
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os\n"
+        "from chmarl_pb.processes import in_processes\n"
+        "if __name__ == '__main__':\n"
+        "    os.environ['SLOW_MODULE'] = 'chmarl_pb'\n"
+        "    print(list(in_processes(abs, [-1], 1)))\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])},
+    )  # fmt: skip
+    try:
+        assert process.stdout and process.stdout.readline() == "importing\n"
+        for pid in children(process.pid):
+            os.kill(pid, signal.SIGINT)
+        time.sleep(1)
+        assert process.poll() is None
+    finally:
+        process.kill()
+        said = process.communicate(timeout=60)[1]
+    assert "Traceback" not in said

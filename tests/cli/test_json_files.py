@@ -17,6 +17,7 @@ from chmarl_pb.cli import main, output
 from chmarl_pb.cli.arguments import EXAMPLE
 from chmarl_pb.cli.completion import parsers_in
 from chmarl_pb.cli.program import COMMANDS, parser_of
+from chmarl_pb.envs.tracks import PAPER, TRACKS
 from chmarl_pb.errors import ResultError, WriteError
 from chmarl_pb.evaluation.result import FORMAT, SUMMARY, load_result
 
@@ -150,6 +151,73 @@ def test_files_of_others_are_not_written_over(
         "name another file, or remove it"
     )
     assert file.read_text() == content and list(tmp_path.iterdir()) == [file]
+
+
+def no_play(*arguments: Any, **options: Any) -> None:
+    raise AssertionError("something is played")
+
+
+@pytest.mark.parametrize("folder", ["out", "lengths"])
+@pytest.mark.parametrize(
+    "content",
+    [b"[1, 2]", b"\xff\xfe", b"my notes", b'{"split": "val-unseen"}', None,
+     b'{"split": "a", "max_steps": 1, "tasks": "", "homes": {}, "lengths": {"val-unseen-000": [1]}}'],
+    ids=["list", "bytes", "notes", "object", "folder", "lengths"],
+)  # fmt: skip
+def test_no_target_of_the_baselines_is_of_others(
+    content: bytes | None,
+    folder: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("chmarl_pb.cli.baselines.evaluate", no_play)
+    target = Path(folder) / ("val-unseen.json" if folder == "lengths" else "val-unseen-search.json")
+    target.parent.mkdir()
+    if content is None:
+        target.mkdir()
+    else:
+        target.write_bytes(content)
+    words = ["baselines", *ONE, "--policy", "random", "--policy", "search", "--out", "out", "--references", "lengths"]
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"chmarl-pb: {target} is ")
+    assert target.is_dir() if content is None else target.read_bytes() == content
+    assert list(Path().rglob("*")) == [target.parent, target]
+
+
+def test_references_are_written_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(TRACKS[PAPER], "max_steps", 2)
+    words = ["baselines", *ONE, "--references", "lengths", "--quiet", "--policy"]
+    Path("lengths").mkdir()
+    Path("lengths/val-unseen.json").write_text("")
+    assert main([*words, "random"]) == 0 and main([*words, "search"]) == 0
+    lengths = json.loads(Path("lengths/val-unseen.json").read_text())["lengths"]
+    assert set(lengths["val-unseen-000"]) == {"random", "search"}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("audit", *ONE, "--out", "au/a.json", "--json", "au/a/random.json"),
+        ("audit", *ONE, "--out", "au/a.json", "--json", "au/a/new.json"),
+        ("baselines", *ONE, "--out", "au/a", "--json", "au/../au/a/val-unseen-random.json"),
+        ("baselines", *ONE, "--references", "au/a", "--json", "au/a/val-unseen.json"),
+    ],
+    ids=lambda words: f"{words[0]} {words[-1]}",
+)
+def test_the_file_does_not_lie_among_other_results(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("audit", "baselines"):
+        monkeypatch.setattr(f"chmarl_pb.cli.{name}.{'audit' if name == 'audit' else 'evaluate'}", no_play)
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"chmarl-pb: --json {words[-1]}: lies in au/a, among other results; name a file elsewhere"
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("words", COMMANDS_WITH_IT[1:], ids=lambda words: " ".join(words[:2]))

@@ -13,7 +13,7 @@ import chmarl_pb
 from chmarl_pb.cli import main
 from chmarl_pb.cli.audit import table_of
 from chmarl_pb.envs.options import Options
-from chmarl_pb.errors import ResultError
+from chmarl_pb.errors import OptionError, ResultError
 from chmarl_pb.evaluation import audit as module
 from chmarl_pb.evaluation.audit import audit, rows_of, uses
 from chmarl_pb.evaluation.audit_file import Audit, load_audit, published_audit
@@ -110,6 +110,14 @@ def test_rows_that_are_there_are_not_played_again(found: Audit, folder: Path, mo
 def _plays(played: list[Any], setup: Setup, jobs: Sequence[Job]) -> Iterator[Played]:
     played.append(setup.policy)
     return play(setup, jobs, Local(1))
+
+
+def test_files_of_others_are_found_before_a_row_is_played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("chmarl_pb.evaluation.audit.evaluate", lambda *row, **options: pytest.fail("a row is played"))
+    (tmp_path / "audit").mkdir()
+    (tmp_path / "audit" / "planner.json").write_text("my notes")
+    with pytest.raises(OptionError, match=r"planner\.json is there already and is not a result"):
+        audit("val-unseen", out=tmp_path / "audit.json")
 
 
 def test_the_command_prints_a_table_or_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.cli import main
 from chmarl_pb.cli.baselines import success_within
+from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.parallel import HouseholdEnv
 from chmarl_pb.errors import BusyError, OptionError, ResultError, TaskError
 from chmarl_pb.evaluation import cooperation as accounting
@@ -24,13 +25,14 @@ from chmarl_pb.evaluation.cooperation import VARIANTS, cooperation, gain_share, 
 from chmarl_pb.evaluation.episode_file import load_episode, replay_episode
 from chmarl_pb.evaluation.ledger import Ledger
 from chmarl_pb.evaluation.metrics import Played, path_weighted, summarize, summarize_by
-from chmarl_pb.evaluation.play import Job, Setup
+from chmarl_pb.evaluation.play import Job, Player, Setup, play
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.provenance import robots_hash
 from chmarl_pb.evaluation.replays import replays
 from chmarl_pb.evaluation.result import Report, load_result
 from chmarl_pb.evaluation.sample import TRAIN_SAMPLE, evaluated_tasks
-from chmarl_pb.files import Lock
+from chmarl_pb.executors import Local
+from chmarl_pb.files import Lock, file_hash
 from chmarl_pb.policies.policy import Actions, Infos, Observations, Policy
 from chmarl_pb.policies.registry import BUILT_IN, make_policy
 from chmarl_pb.policies.sources import find_policy, register_loader
@@ -199,6 +201,92 @@ def test_checkpoints_need_a_loader(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         find_policy(str(path))
     register_loader(".weights", lambda path: staying)
     assert find_policy(str(path)).make is staying
+
+
+@pytest.fixture
+def weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A checkpoint: it names the built-in policy that it is."""
+    path = tmp_path / "best.named"
+    path.write_text("random")
+    monkeypatch.setattr("chmarl_pb.policies.sources._LOADERS", {})
+    register_loader(".named", lambda path: lambda env: make_policy(path.read_text(), env))
+    return path
+
+
+@pytest.mark.parametrize("played", [0, 1, 3], ids=["before", "amid", "after"])
+@pytest.mark.parametrize("loaded", [False, True], ids=["path", "loaded"])
+def test_weights_that_change_while_they_are_evaluated_are_refused(weights: Path, played: int, loaded: bool) -> None:
+    def replaced(finished: int, total: int) -> None:
+        if finished == played:
+            weights.write_text("search")
+
+    def plays(setup: Setup, jobs: Sequence[Job]) -> Iterator[Played]:
+        if played == 0:
+            weights.write_text("search")
+        return play(setup, jobs, Local(1))
+
+    out, policy = weights.with_name("result.json"), find_policy(weights) if loaded else str(weights)
+    options: dict[str, Any] = {"tasks": TASKS, "seeds": [0], "workers": 1, "max_steps": 2, "out": out}
+    with pytest.raises(OptionError, match=r"best\.named: changed while it was evaluated; copy it, or evaluate again"):
+        evaluate(policy, progress=replaced, plays=plays, **options)
+    assert not out.exists()
+    kept = out.with_name("result.json.partial")
+    assert kept.exists() == (played > 0)
+    if played:
+        assert json.loads(kept.read_text().splitlines()[0])["policy_sha256"] != file_hash(weights)
+
+
+def test_the_policy_of_another_process_is_the_one_that_the_result_names(weights: Path) -> None:
+    options, sha256 = Options(split="test-unseen", max_steps=2), file_hash(weights)
+    Player(Setup(str(weights), options, sha256=sha256)).close()
+    weights.write_text("search")
+    with pytest.raises(OptionError, match="changed while it was evaluated"):
+        Player(Setup(str(weights), options, sha256=sha256))
+
+
+def test_own_code_that_changes_while_it_is_evaluated_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = tmp_path / "changing_policy.py"
+    module.write_text("from chmarl_pb.policies.registry import make_policy\ndef mine(env):\n"
+                      "    return make_policy('random', env)\n")  # fmt: skip
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def changed(finished: int, total: int) -> None:
+        module.write_text(module.read_text().replace("random", "search"))
+
+    with pytest.raises(OptionError, match="changing_policy:mine: changed while it was evaluated"):
+        evaluate("changing_policy:mine", tasks=TASKS, seeds=[0], workers=1, max_steps=2, progress=changed)
+
+
+def noting(make: Callable[[HouseholdEnv], Policy]) -> Callable[[HouseholdEnv], Policy]:
+    """Return a function that holds more each time that it is called, as one that loads weights but once."""
+    made: list[str] = []
+
+    def noted(env: HouseholdEnv) -> Policy:
+        made.append("a policy")
+        return make(env)
+
+    return noted
+
+
+noted = noting(staying)
+
+
+def test_what_own_code_holds_may_change() -> None:
+    for workers in (1, 2):
+        evaluate(f"{__name__}:noted", tasks=TASKS, seeds=[0], workers=workers, max_steps=2)
+
+
+def refuses(env: HouseholdEnv) -> Policy:
+    """A policy that was made for something else, as a checkpoint may be."""
+    raise OptionError("a policy for pictures")
+
+
+def test_a_refused_policy_leaves_no_file(tmp_path: Path) -> None:
+    with pytest.raises(OptionError, match="a policy for pictures"):
+        evaluate(f"{__name__}:refuses", tasks=TASKS, workers=1, out=tmp_path / "result.json")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_silent_and_alone_hide_what_they_should(env: HouseholdEnv, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -372,6 +460,20 @@ def test_other_settings_start_anew(tmp_path: Path) -> None:
     with pytest.warns(RuntimeWarning, match="is of another evaluation"):
         ledger_of(tmp_path)
     assert (tmp_path / "result.json.old").read_text() == "my notes\n"
+
+
+def test_no_side_file_takes_the_place_of_another(tmp_path: Path) -> None:
+    for number, settings in enumerate("abc"):
+        if number:
+            with pytest.warns(RuntimeWarning, match="is of another evaluation"):
+                ledger_of(tmp_path, settings).add(played(number, 4, 4))
+        else:
+            ledger_of(tmp_path, settings).add(played(number, 4, 4))
+    assert [(tmp_path / f"result.json.{ending}").is_file() for ending in ("partial", "old", "old2", "old3")] == [
+        True, True, True, False,
+    ]  # fmt: skip
+    (tmp_path / "result.json.old2").replace(tmp_path / "result.json.partial")
+    assert [episode.job for episode in ledger_of(tmp_path, "b").episodes] == [(task(1, 4), 0)]
 
 
 def test_a_job_counts_once_whoever_wrote_it(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """A finished run becomes weights that come with the package, and its row is played again by its name."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,6 +64,35 @@ def test_a_published_run_is_played_by_its_name(
         chmarl_pb.load_policy("tiny")
 
 
+@pytest.mark.parametrize(
+    "when", [(0, "val-unseen"), (3, "val-unseen"), (0, "test-unseen"), (3, "test-unseen")], ids=str
+)
+def test_scores_are_those_of_one_checkpoint(
+    when: tuple[int, str], run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checkpoint = Path(shutil.copyfile(run / "best.pt", tmp_path / "best.pt"))
+    monkeypatch.setattr(plan, "sample_of", lambda split, tasks: tasks[:3])
+
+    def show(split: str, done: int, all: int) -> None:
+        if (done, split) == when:
+            train(lambda: chmarl_pb.parallel_env(split="val-unseen", max_steps=4, feedback=False), "qmix",
+                  replace(TINY, seed=1), tmp_path / "other", setting={"messages": True, "feedback": False})  # fmt: skip
+            (tmp_path / "other" / "best.pt").replace(checkpoint)
+
+    monkeypatch.setattr("training.score._show", show)
+    with pytest.raises(ChmarlError, match=r"best\.pt: changed while it was evaluated; copy it, or evaluate again"):
+        score(checkpoint, "scene_graph", tmp_path / "out", ["val-unseen", "test-unseen"], feedback=False)
+    assert not (tmp_path / "out" / "scores.json").exists()
+
+
+def test_a_checkpoint_that_is_refused_leaves_no_file(run: Path, tmp_path: Path) -> None:
+    with pytest.raises(ChmarlError, match="other observations"):
+        score(run / "best.pt", "visual", tmp_path / "out", ["val-unseen"], feedback=False)
+    with pytest.raises(ChmarlError, match=r"none\.pt: no such file"):
+        score(tmp_path / "none.pt", "visual", tmp_path / "out", ["val-unseen"])
+    assert list(tmp_path.rglob("*")) == [tmp_path / "out"]
+
+
 def test_publishing_again_replaces_the_row(run: Path, tmp_path: Path) -> None:
     first, second = (publish(run, "tiny", by=by, folder=tmp_path) for by in ("once", "twice"))
     assert read_manifest(tmp_path) == {"tiny": second} and first.sha256 == second.sha256
@@ -100,6 +130,8 @@ def test_what_does_not_belong_to_the_weights_is_refused(
         publish(run, "tiny", other, folder=tmp_path)
     with pytest.raises(ResultError, match="no such result"):
         publish(run, "tiny", tmp_path / "none.json", folder=tmp_path)
+    with pytest.raises(ResultError, match=r"not the result of these weights: is not a regular file; put one there"):
+        publish(run, "tiny", run, folder=tmp_path)
     with pytest.raises(OptionError, match="has 0 of"):
         publish(tmp_path, "tiny", folder=tmp_path)
     monkeypatch.setattr("training.publish.MOST_BYTES", 10)

@@ -565,6 +565,18 @@ def test_damaged_result_is_named(tmp_path: Path, launch: Launch) -> None:
         read_records(run.results, TABLES)
 
 
+def test_a_folder_in_the_place_of_a_result_is_named(tmp_path: Path) -> None:
+    (tmp_path / "scene-graph" / "x.json").mkdir(parents=True)
+    with pytest.raises(ResultError, match=r"x\.json: not the result of a run: .*is not a regular file.*; remove it"):
+        read_records(tmp_path, TABLES)
+
+
+def test_the_page_of_no_results_is_not_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert table.main(["--show", "--results", str(tmp_path / "nores")]) == 2
+    assert f"--results {tmp_path / 'nores'}: no such folder; name the one that has" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("name", ["qmix-seed1", "vdn-seed0"])
 def test_a_result_counts_for_its_own_row_and_seed_alone(tmp_path: Path, launch: Launch, name: str) -> None:
     run = run_of(tmp_path)

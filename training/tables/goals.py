@@ -1,13 +1,13 @@
 """What this project set out to reach, beside what it reaches, and what is known of why it falls short where it does."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
-from typing import Any
 
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS
+from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.json_file import read_object
 from training.tables.cells import HEADLINE, NOT_RUN, Records, built_in, runs_of, values
 from training.tables.rows import TABLES
 from training.tables.without_feedback import Scores, played_without
@@ -156,8 +156,11 @@ def _detector(results: Path) -> str:
     path = results / "detector.json"
     if not path.is_file():
         return ""
-    measured: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    found = {home: measured[home]["mean_average_precision"] for home in ("home_6", "generated_val")}
+    try:
+        measured = read_object(path)
+        found = {home: float(measured[home]["mean_average_precision"]) for home in ("home_6", "generated_val")}
+    except (KeyError, TypeError, ValueError) as error:
+        raise ResultError(f"{path}: not the figures of a detector: {error!r}; measure it again") from error
     return (
         f"The detector's goal is a mean average precision of 0.65 in homes that it never saw: {found['home_6']:.2f} in "
         f"home 6, {found['generated_val']:.2f} in homes of generated-val, the two robots among its "

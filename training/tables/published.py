@@ -7,6 +7,7 @@ from typing import Any
 from chmarl_pb.errors import ResultError
 from chmarl_pb.files import unsealed_or_plain
 from chmarl_pb.policies.weights import read_manifest, weights_folder
+from chmarl_pb.reading import read_regular
 
 Evaluation = dict[str, Any]  # its options, and what was found on each split
 
@@ -24,7 +25,7 @@ def read_published(folder: Path, fault: Callable[[Evaluation], str]) -> dict[str
     published, found = read_manifest(weights_folder()), {}
     for path in sorted(folder.glob("*.json")):
         try:
-            content = unsealed_or_plain(path.read_text(encoding="utf-8"))
+            content = unsealed_or_plain(read_regular(path).decode("utf-8"))
             if content["checkpoint"]["sha256"] != published[path.stem].sha256:
                 raise ValueError("its weights are not the published ones")
             if why := fault(content["evaluation"]):

@@ -10,6 +10,7 @@ from typing import Any
 from chmarl_pb import learning
 from chmarl_pb.envs.tracks import PAPER
 from chmarl_pb.errors import ResultError
+from chmarl_pb.evaluation.json_file import read_object
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.files import Lock, sealed, unsealed_or_plain, write_atomically
@@ -242,7 +243,7 @@ def read_record(path: Path, results: Path) -> Record:
         ResultError: it is damaged or of another kind.
     """
     try:
-        record: Record = json.loads(path.read_text(encoding="utf-8"))
+        record: Record = read_object(path)
         if record["format"] != FORMAT:
             raise ValueError(f"its format is {record['format']!r}, not {FORMAT!r}")
         check_record(record)

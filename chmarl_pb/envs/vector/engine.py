@@ -21,6 +21,7 @@ from chmarl_pb.envs.vector.memory import Memory, Signature, check_alike, shared_
 from chmarl_pb.envs.vector.sending import Sent, pickled
 from chmarl_pb.envs.vector.worker import Failure, listen, serve, wait_for_message
 from chmarl_pb.errors import WorkerError
+from chmarl_pb.processes import unheard
 from chmarl_pb.world import Uncopied
 
 _PATIENCE = 5.0  # seconds that workers get to end by themselves
@@ -118,7 +119,8 @@ class Engine(Uncopied):
         self._workers[from_worker.fileno()] = len(self._processes)
         with commands, answers:  # the worker has its own copies of these ends
             process = context.Process(target=serve, args=(commands, answers, make, share, autoreset), daemon=True)
-            process.start()
+            with unheard():
+                process.start()
         self._processes.append(process)
 
     def _share_memory(self, count: int) -> None:

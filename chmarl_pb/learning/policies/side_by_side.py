@@ -12,8 +12,6 @@ from chmarl_pb.evaluation.metrics import Played, played
 from chmarl_pb.evaluation.play import Job, Setup, seeds_to_play
 from chmarl_pb.learning.rollouts.batched import BatchedPolicy, as_batched, play_together
 from chmarl_pb.policies.policy import Actions
-from chmarl_pb.policies.seats import seated
-from chmarl_pb.policies.sources import find_policy
 from chmarl_pb.tasks.outcome import Outcome
 from chmarl_pb.tasks.tidy_task import AnyTask
 
@@ -31,8 +29,7 @@ def play_side_by_side(setup: Setup, jobs: Sequence[Job], width: int = WIDTH) -> 
     envs = [setup.make_env() for _ in range(min(width, len(jobs)))]
     try:
         if envs:
-            source = find_policy(setup.policy)
-            policy = as_batched([seated(source.make, env, setup.privileged, source.centralized) for env in envs])
+            policy = as_batched(setup.make_policies(envs))
         for first in range(0, len(jobs), width):
             yield from _play(policy, envs, jobs[first : first + width])
     finally:
