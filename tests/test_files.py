@@ -43,6 +43,13 @@ def test_links_and_pipes_are_written_to_and_stay(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.rglob("*")} == {"pipe", "link.json", "results", "target.json"}
 
 
+def test_a_folder_in_the_place_of_a_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "result.json").mkdir()
+    with pytest.raises(WriteError, match=r"result\.json: cannot be written \(Is a directory\)") as raised:
+        write_atomically(tmp_path / "result.json", "new")
+    assert ".tmp" not in str(raised.value) and [path.name for path in tmp_path.rglob("*")] == ["result.json"]
+
+
 # Locks
 
 HOLD = """
