@@ -104,6 +104,8 @@ def _run_other(folder: Path, part: _Part, clear: bool) -> list[str]:
         for emptied in sorted({folder, *(above for file in sizes for above in _within(file, folder))}, reverse=True):
             with suppress(OSError):  # it holds files of others, or is not there
                 emptied.rmdir()
+    if wrong and not sizes:
+        return wrong
     count, size = sum(file.suffix == part.ending for file in sizes), sum(sizes.values()) / _MB
     print(f"{folder}: {'removed ' if clear else ''}{count:,} {part.what}, {size:,.1f} MB")
     if clear and not wrong and (other := next((file for file in folder.rglob("*") if not file.is_dir()), None)):
@@ -116,11 +118,13 @@ def _run_views(store: ViewStore, clear: bool) -> list[str]:
     if (wrong := _not_there(store.folder, clear)) is not None:
         return wrong
     entries = store.entries()
-    size = sum(entry.bytes for entry in entries) / _MB
     if clear:
         wrong = _remove([entry.path for entry in entries])
-        print(f"{store.folder}: removed {len(entries) - len(wrong)} files, {size:,.1f} MB")
-        return wrong
+        entries = [entry for entry in entries if not os.path.lexists(entry.path)]
+    size = sum(entry.bytes for entry in entries) / _MB
+    if clear:
+        print(f"{store.folder}: removed {len(entries)} files, {size:,.1f} MB")
+        return wrong or []
     if entries:
         _print_table(entries)
     print(f"{store.folder}: {len(entries)} files, {size:,.1f} MB of {store.limit / _MB:,.0f} MB")
