@@ -5,6 +5,7 @@ import glob
 import hashlib
 import json
 import os
+import re
 import shutil
 import socket
 import stat
@@ -29,6 +30,7 @@ _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}  # wha
 _UMASK = os.umask(0o077)  # it can only be read by setting it
 os.umask(_UMASK)
 _PROBE = 2**20  # bytes
+_LEFTOVER = re.compile(r"\.(.+)-[a-z0-9_]{8}\.tmp")  # what a killed process leaves of replacing a file
 
 
 def cache_folder() -> Path | None:
@@ -127,6 +129,12 @@ def remove_leftovers(path: Path) -> None:
     """Remove what killed processes have left of :func:`replacing` a file; whoever calls alone may write it."""
     for temporary in path.parent.glob(f".{glob.escape(path.name)}-*.tmp"):
         temporary.unlink(missing_ok=True)
+
+
+def replaced_name(path: Path) -> str:
+    """Return the name of the file that :func:`replacing` would have replaced by this one, else the name of this one."""
+    found = _LEFTOVER.fullmatch(path.name)
+    return found[1] if found else path.name
 
 
 @contextmanager

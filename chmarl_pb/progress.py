@@ -1,5 +1,6 @@
 """Progress bars that appear with the first progress: what is wrong with the arguments is said before."""
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -55,8 +56,13 @@ class LateProgress(Progress):
     """A progress bar that is not shown before something calls ``update`` or ``advance``; by default on stderr."""
 
     def __init__(self, *columns: Any, **options: Any):
-        """Make a bar; see :class:`rich.progress.Progress`."""
-        super().__init__(*columns, **{"console": _Notes()} | options)
+        """Make a bar; see :class:`rich.progress.Progress`. What is printed meanwhile stays out of a bar on a terminal.
+
+        Results that go to a file or a pipe still go there, and not to the terminal that the bar is on.
+        """
+        seen = sys.stdout is not None and sys.stdout.isatty()
+        settings: dict[str, Any] = {"console": _Notes(), "redirect_stdout": seen}
+        super().__init__(*columns, **settings | options)
         self._never = is_silent()
 
     def __enter__(self) -> "LateProgress":

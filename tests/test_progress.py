@@ -2,6 +2,7 @@
 
 import io
 
+import pytest
 from rich.console import Console
 from rich.progress import MofNCompleteColumn
 
@@ -25,3 +26,12 @@ def test_nothing_is_shown_before_there_is_progress_nor_in_silence() -> None:
     assert not shown(0)
     with silence():
         assert not shown(30)
+
+
+def test_results_in_a_pipe_stay_there_while_a_bar_is_on_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    terminal = io.StringIO()
+    with LateProgress(MofNCompleteColumn(), console=Console(file=terminal, force_terminal=True)) as bar:
+        for number in bar.count(range(3), 3, "counting"):
+            print("result", number)
+    assert capsys.readouterr().out == "result 0\nresult 1\nresult 2\n"
+    assert "3/3" in terminal.getvalue() and "result" not in terminal.getvalue()

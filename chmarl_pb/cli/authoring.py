@@ -1,10 +1,12 @@
 """The verbs of ``chmarl-pb homes`` for those who make homes: new, build, export and generate."""
 
 import argparse
+import os
 import shlex
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from chmarl_pb.cli.arguments import (
@@ -26,7 +28,9 @@ from chmarl_pb.homes.generate.store import check_seed, files_of, generate_home, 
 from chmarl_pb.homes.home import load_home
 from chmarl_pb.homes.layout import SCHEMA, STYLES
 from chmarl_pb.limits import whole_number
-from chmarl_pb.rendering.preview import preview
+from chmarl_pb.progress import progress_bar
+from chmarl_pb.reading import read_regular
+from chmarl_pb.rendering.preview import is_preview, preview
 
 _GLANCE = 0.3  # seconds between two looks at the layout
 
@@ -81,11 +85,23 @@ def _new(options: argparse.Namespace) -> int:
     layout: Path = options.layout
     if layout.exists():
         raise OptionError(f"{layout} is there already; name another file, or remove it")
-    write_atomically(layout.with_name(SCHEMA.name), SCHEMA.read_text(encoding="utf-8"))
+    schema = layout.with_name(SCHEMA.name)
+    kept = os.path.lexists(schema)
+    if not kept:
+        write_atomically(schema, SCHEMA.read_text(encoding="utf-8"))
     write_atomically(layout, STYLES[options.style].read_text(encoding="utf-8"))
     print(layout)
+    if kept and not _is_schema(schema):
+        say(f"{schema} is there already and differs from the schema of layouts; it is left as it is")
     say(f"next: chmarl-pb homes build {shlex.quote(str(layout))} --watch")
     return 0
+
+
+def _is_schema(path: Path) -> bool:
+    """Return whether a file is the schema of layouts."""
+    with suppress(ValueError):  # it cannot be read
+        return read_regular(path) == SCHEMA.read_bytes()
+    return False
 
 
 def _build(options: argparse.Namespace) -> int:
@@ -114,9 +130,12 @@ def _stamp(layout: Path) -> tuple[int, int]:
 
 def _build_and_draw(layout: Path, out: Path | None, catalog: str | None) -> None:
     """Build and draw once; a mistake in the layout is printed, and the last home stays."""
+    picture = (out or layout).with_suffix(".png")
     try:
+        if picture.exists() and picture.stat().st_size and not is_preview(picture):
+            raise OptionError(f"{picture} is there already and is no picture of a home; move it away, or use --out")
         home = build_home(layout, out, catalog_of(catalog))
-        print(f"{time.strftime('%H:%M:%S')} {home} {preview(home, home.with_suffix('.png'))}", flush=True)
+        print(f"{time.strftime('%H:%M:%S')} {home} {preview(home, picture)}", flush=True)
     except ChmarlError as error:
         print(f"{time.strftime('%H:%M:%S')} {error}", file=sys.stderr, flush=True)
 
@@ -132,8 +151,9 @@ def _export(options: argparse.Namespace) -> int:
 def _generate(options: argparse.Namespace) -> int:
     """Make up homes from seeds."""
     seeds = _seeds(options.seed, options.count)
-    with chosen_executor(options) as executor:
-        for files in map(_home_files, seeds) if executor.alone else executor.map(_home_files, seeds, ordered=True):
+    with chosen_executor(options) as executor, progress_bar() as bar:
+        made = map(_home_files, seeds) if executor.alone else executor.map(_home_files, seeds, ordered=True)
+        for files in bar.count(made, len(seeds), "making homes"):
             print(put_home(files, options.out))
     return 0
 

@@ -1,8 +1,11 @@
 """``chmarl-pb cache``: show, clear or fill what is kept on disk: pictures, generated homes, trials of homes."""
 
 import argparse
-import shutil
-from collections.abc import Sequence
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
@@ -12,14 +15,39 @@ from chmarl_pb.cli.arguments import WORKERS, add_workers, check_used, chosen_exe
 from chmarl_pb.cli.output import Screen
 from chmarl_pb.errors import OptionError
 from chmarl_pb.executors import Executor, Local
-from chmarl_pb.files import cache_folder
+from chmarl_pb.files import cache_folder, replaced_name
+from chmarl_pb.homes.generate.store import kept_files
 from chmarl_pb.progress import progress_bar
-from chmarl_pb.rendering.view_store import Entry, view_store
+from chmarl_pb.rendering.view_store import Entry, ViewStore, view_store
 
 _MB = 2**20
 _SIZE = 128  # pixels
-#: Folder of the cache -> what is in it, and which of its files are counted.
-_OTHERS = {"homes": ("generated homes", "*.urdf"), "trials": ("trials of homes", "*.json")}
+_TRIAL = re.compile(r"[0-9a-f]{64}\.json")
+
+
+def _trials(folder: Path) -> Iterator[Path]:
+    """Yield the trials of homes that were kept in a folder."""
+    return (file for file in folder.glob("*") if _TRIAL.fullmatch(replaced_name(file)))
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A folder of the cache beside the views.
+
+    Attributes:
+        name: of the folder.
+        what: is kept there.
+        ending: of the files that are counted.
+        files: yields the files in the folder that the package has written.
+    """
+
+    name: str
+    what: str
+    ending: str
+    files: Callable[[Path], Iterable[Path]]
+
+
+_OTHERS = (_Part("homes", "generated homes", ".urdf", kept_files), _Part("trials", "trials of homes", ".json", _trials))
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -43,10 +71,13 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def run_cache(clear: bool) -> int:
-    """Print what is stored and where, or remove it all; return 0.
+    """Print what is stored and where, or remove all that the package has written there; return 0.
+
+    Links in the place of a folder are removed themselves, and nothing that they lead to.
 
     Raises:
-        OptionError: the cache's place is no folder.
+        OptionError: the cache's place is no folder; or, when the rest is done, that of a part is none, or a file
+            cannot be removed.
     """
     folder = cache_folder()
     if folder is None:
@@ -54,30 +85,87 @@ def run_cache(clear: bool) -> int:
         return 0
     if blocking := next((path for path in (folder, *folder.parents) if path.exists() and not path.is_dir()), None):
         raise OptionError(f"{blocking} is no folder, so nothing is stored there; let CHMARL_CACHE name a folder")
-    for name, (what, pattern) in _OTHERS.items():
-        _run_other(folder / name, what, pattern, clear)
-    store = view_store()
-    if store is None:
-        return 0
-    entries = store.entries()
-    size = sum(entry.bytes for entry in entries) / _MB
-    if clear:
-        store.clear()
-        print(f"{store.folder}: removed {len(entries)} files, {size:,.1f} MB")
-        return 0
-    if entries:
-        _print_table(entries)
-    print(f"{store.folder}: {len(entries)} files, {size:,.1f} MB of {store.limit / _MB:,.0f} MB")
+    wrong = [problem for part in _OTHERS for problem in _run_other(folder / part.name, part, clear)]
+    if (store := view_store()) is not None:
+        wrong += _run_views(store, clear)
+    if wrong:
+        raise OptionError(f"{wrong[0]}{f' (and {len(wrong) - 1} more)' if len(wrong) > 1 else ''}")
     return 0
 
 
-def _run_other(folder: Path, what: str, pattern: str, clear: bool) -> None:
-    """Print how many files that fit a pattern are in a folder, and the size of all, or remove it."""
-    size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) / _MB
-    count = sum(1 for _ in folder.rglob(pattern))
-    if clear and folder.exists():
-        shutil.rmtree(folder)
-    print(f"{folder}: {'removed ' if clear else ''}{count:,} {what}, {size:,.1f} MB")
+def _run_other(folder: Path, part: _Part, clear: bool) -> list[str]:
+    """Print what is kept in a folder, or remove it; return what is wrong."""
+    if (wrong := _not_there(folder, clear)) is not None:
+        return wrong
+    sizes = {file: _size(file) for file in part.files(folder) if file.is_symlink() or not file.is_dir()}
+    if clear:
+        wrong = _remove(sizes)
+        sizes = {file: size for file, size in sizes.items() if not os.path.lexists(file)}
+        for emptied in sorted({folder, *(above for file in sizes for above in _within(file, folder))}, reverse=True):
+            with suppress(OSError):  # it holds files of others, or is not there
+                emptied.rmdir()
+    if wrong and not sizes:
+        return wrong
+    count, size = sum(file.suffix == part.ending for file in sizes), sum(sizes.values()) / _MB
+    print(f"{folder}: {'removed ' if clear else ''}{count:,} {part.what}, {size:,.1f} MB")
+    if clear and not wrong and (other := next((file for file in folder.rglob("*") if not file.is_dir()), None)):
+        print(f"{other}: is not of the cache, and is left as it is")
+    return wrong or []
+
+
+def _run_views(store: ViewStore, clear: bool) -> list[str]:
+    """Print which views are stored, or remove them; return what is wrong."""
+    if (wrong := _not_there(store.folder, clear)) is not None:
+        return wrong
+    entries = store.entries()
+    if clear:
+        wrong = _remove([entry.path for entry in entries])
+        entries = [entry for entry in entries if not os.path.lexists(entry.path)]
+    size = sum(entry.bytes for entry in entries) / _MB
+    if clear:
+        print(f"{store.folder}: removed {len(entries)} files, {size:,.1f} MB")
+        return wrong or []
+    if entries:
+        _print_table(entries)
+    print(f"{store.folder}: {len(entries)} files, {size:,.1f} MB of {store.limit / _MB:,.0f} MB")
+    return []
+
+
+def _not_there(folder: Path, clear: bool) -> list[str] | None:
+    """Return what is wrong where something else is in the place of a folder, None if nothing is.
+
+    A link is removed where all is to be cleared.
+    """
+    if clear and folder.is_symlink():
+        wrong = _remove([folder])
+        print(f"{folder}: {'' if wrong else 'removed '}a link; what it leads to is left as it is")
+        return wrong
+    if folder.exists() and not folder.is_dir():
+        return [f"{folder} is no folder, so nothing is kept there; move it away"]
+    return None
+
+
+def _remove(files: Iterable[Path]) -> list[str]:
+    """Remove files, links themselves and not what they lead to; return what is wrong."""
+    wrong = []
+    for file in files:
+        try:
+            file.unlink(missing_ok=True)
+        except OSError as error:
+            wrong.append(f"{file}: cannot be removed ({error.strerror}); move it away, or make its folder writable")
+    return wrong
+
+
+def _size(file: Path) -> int:
+    """Return the size of a file; none if another process has just removed it."""
+    with suppress(OSError):
+        return file.lstat().st_size
+    return 0
+
+
+def _within(file: Path, folder: Path) -> list[Path]:
+    """Return the folders between a file and the folder that it lies in."""
+    return [above for above in file.parents if folder in above.parents]
 
 
 def run_fill(homes: Sequence[str], size: int, executor: Executor) -> int:

@@ -67,10 +67,9 @@ def _add(options: argparse.Namespace) -> int:
         options.name, options.kind, options.scale, options.up, options.mass,
         tuple(options.names), tuple(options.held_out), tuple(options.states),
     )  # fmt: skip
-    catalog, thing = add_thing(options.file, wish, options.catalog, load_things)
+    picture = None if options.out is None else (options.out, preview_model)
+    catalog, thing = add_thing(options.file, wish, options.catalog, load_things, picture)
     row = catalog.classes[options.name]
-    if options.out is not None:
-        preview_model(options.catalog.parent / f"{row.name}.urdf", options.out)
     for label, value in _sheet(catalog, row, thing):
         print(f"{label:10} {value}")
     if options.out is not None:

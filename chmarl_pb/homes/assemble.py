@@ -1,8 +1,9 @@
 """Build a home's URDF from its layout: floors, walls and furniture as links fixed to the root link ``home``."""
 
 import math
+import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from os.path import basename
@@ -13,14 +14,16 @@ import numpy as np
 import yourdfpy
 
 from chmarl_pb.catalog import BENCHMARK, Catalog
+from chmarl_pb.errors import OptionError
 from chmarl_pb.files import check_apart, check_ending, replacing
-from chmarl_pb.homes.furniture import Array, Model, load_model
+from chmarl_pb.homes.furniture import Array, load_model
 from chmarl_pb.homes.layout import Furniture, Layout, Room, load_layout
 from chmarl_pb.homes.layout_file import Colour
 from chmarl_pb.homes.object_looks import LINK as LOOKS_LINK
 from chmarl_pb.homes.textures import textured_box
 from chmarl_pb.homes.urdf_lines import urdf_bytes
 from chmarl_pb.homes.walls import Rect, Wall, lintels, pieces
+from chmarl_pb.reading import read_regular
 
 ROOT = "home"
 FLOOR_THICKNESS = 0.1
@@ -35,6 +38,17 @@ SKIRTING_SHADE = 0.78
 
 TRIM: Colour = (0.93, 0.91, 0.86)
 MESHES = "meshes"
+#: How the URDF of a layout begins, whichever version has built it, each of its joints, and all lines after the first.
+_BUILT = re.compile(
+    r"<\?xml version='1\.0' encoding='utf-8'\?>\n<robot name=\"[^\"]*\">\n  <link name=\"home\">\n    <inertial>\n"
+)
+_FIXED = re.compile(
+    r'^  <joint name="fix ([^"]+)" type="fixed">\n    <parent link="home" />\n    <child link="\1" />\n', re.MULTILINE
+)
+_LINE = re.compile(
+    r" *</?(?:robot|link|inertial|mass|inertia|visual|collision|geometry|box|cylinder|sphere|mesh|origin|material|"
+    r'color|joint|parent|child)(?: [a-z]+="[^"]*")*(?: /)?>'
+)
 
 
 def build_home(layout_path: str | Path, out_path: str | Path | None = None, known: Catalog = BENCHMARK) -> Path:
@@ -47,25 +61,86 @@ def build_home(layout_path: str | Path, out_path: str | Path | None = None, know
 
     Raises:
         HomeError: the layout cannot be used.
-        OptionError: the URDF's name does not end in ``.urdf``, or is the layout's.
+        OptionError: the URDF's name does not end in ``.urdf``, or is the layout's; a file that no layout was built to
+            is there by the URDF's name, which was not given, or by that of one of its meshes.
+        WriteError: the files cannot be written.
     """
     layout = load_layout(layout_path, known)
     path = Path(out_path) if out_path else Path(layout_path).with_suffix(".urdf")
     check_ending(path, ".urdf")
     check_apart(path, [Path(layout_path)])
-    return write_home(layout, path)
+    files = home_files(layout, path.name)
+    _check_built(path, files, named=bool(out_path))
+    return write_files(files, path.parent)
+
+
+def _check_built(path: Path, files: Mapping[Path, bytes], named: bool) -> None:
+    """Refuse to write over files that were not built from layouts.
+
+    Args:
+        path: the URDF.
+        files: to write, by their paths in its folder.
+        named: whether the URDF was asked for by its name.
+    """
+    other = [file for file, content in files.items() if _differs(path.parent / file, content)]
+    if Path(path.name) in other and not named and not _is_built(path):
+        raise OptionError(
+            f"{path} is there already and was not built from a layout; name another file by --out (this one to write "
+            "over it), or move it away"
+        )
+    meshes = {file for file in other if file != Path(path.name)}
+    built = filter(_is_built, path.parent.glob("*.urdf")) if meshes else ()
+    for urdf in built:  # homes in one folder share their meshes
+        meshes -= {Path(name) for name in re.findall(r'<mesh filename="([^"]+)"', urdf.read_text(encoding="utf-8"))}
+    if meshes:
+        raise OptionError(
+            f"{path.parent / min(meshes)} is there already, differs from what the home needs and is of no home that "
+            "was built there; build into another folder by --out, or move it away"
+        )
+
+
+def _differs(path: Path, content: bytes) -> bool:
+    """Return whether something is there that is no empty file, and no file of this content."""
+    try:
+        return read_regular(path) not in (b"", content)
+    except ValueError:
+        return path.exists()
+
+
+def _is_built(path: Path) -> bool:
+    """Return whether a URDF has the lines that :func:`write_home` writes, and all of its joints."""
+    try:
+        text = read_regular(path).decode()
+    except ValueError:
+        return False
+    joints = len(_FIXED.findall(text))
+    plain = _BUILT.match(text) is not None and all(map(_LINE.fullmatch, text.splitlines()[1:]))
+    return plain and joints == text.count("<joint") > 0
 
 
 def write_home(layout: Layout, path: Path) -> Path:
     """Write the URDF of a layout and the meshes that it names into ``meshes`` beside it."""
-    files: dict[str, bytes] = {}
-    robot = assemble(layout, files)
+    return write_files(home_files(layout, path.name), path.parent)
+
+
+def home_files(layout: Layout, name: str) -> dict[Path, bytes]:
+    """Return the files of a layout's home by their paths in its folder; its URDF, which has this name, last."""
+    meshes: dict[str, bytes] = {}
+    robot = assemble(layout, meshes)
     for model in dict.fromkeys(piece.model for piece in layout.furniture):
-        _copy_meshes(load_model(model, layout.catalog), path.parent)
-    for name, content in files.items():
-        _write(path.parent / MESHES / name, content)
-    _write(path, urdf_bytes(robot))
-    return path
+        meshes |= load_model(model, layout.catalog).meshes
+    return {Path(MESHES, file): content for file, content in meshes.items()} | {Path(name): urdf_bytes(robot)}
+
+
+def write_files(files: Mapping[Path, bytes], folder: Path) -> Path:
+    """Write the files of a home, each whole or not at all, but for those that are there; return the URDF, the last."""
+    for file, content in files.items():
+        with suppress(ValueError):
+            if read_regular(folder / file) == content:
+                continue
+        with replacing(folder / file) as temporary:
+            temporary.write_bytes(content)
+    return folder / list(files)[-1]
 
 
 def assemble(layout: Layout, files: dict[str, bytes] | None = None) -> yourdfpy.Robot:
@@ -226,18 +301,3 @@ def _beside(geometry: yourdfpy.Geometry) -> yourdfpy.Geometry:
     if geometry.mesh is None:
         return geometry
     return yourdfpy.Geometry(mesh=yourdfpy.Mesh(f"{MESHES}/{basename(geometry.mesh.filename)}", geometry.mesh.scale))
-
-
-def _copy_meshes(model: Model, folder: Path) -> None:
-    """Copy the mesh files of a model into the home's mesh folder."""
-    for name, content in model.meshes.items():
-        _write(folder / MESHES / name, content)
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; leave it alone where it is already so."""
-    with suppress(OSError):
-        if path.read_bytes() == content:
-            return
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)

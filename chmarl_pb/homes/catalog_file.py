@@ -39,6 +39,15 @@ _IDENTIFIER = re.compile(r"[a-z]([a-z0-9_]*[a-z])?")
 _NAME = re.compile(r"(some )?[a-z0-9]+( [a-z0-9]+){0,3}")
 _ARTICLES = ("a", "an", "the", "some")
 _STATE = re.compile(r"[a-z][a-z_]{0,30}")
+_NAMES = _NAME, "names of one to four words of lower-case letters a to z and digits, without an article"
+#: Key of a list of texts -> what each of them has to be, and the same in words.
+_TEXTS: dict[str, tuple[re.Pattern[str], str]] = {
+    "names": _NAMES,
+    "held_out": _NAMES,
+    "states": (_STATE, "lower-case words"),
+    "places": (_IDENTIFIER, "classes"),
+    "models": (re.compile(r".+"), "URDFs"),
+}
 
 
 def load_catalog(path: str | Path) -> Catalog:
@@ -49,6 +58,15 @@ def load_catalog(path: str | Path) -> Catalog:
     """
     path = Path(path)
     return _KEPT.get(path.absolute(), path, lambda: _load(path))
+
+
+def catalog_files(path: Path) -> list[Path]:
+    """Return a catalogue file that can be used and all files that it is read from; nothing if there is none.
+
+    Raises:
+        AssetError: it cannot be used.
+    """
+    return _load(path)[1] if path.exists() else []
 
 
 def _content(path: Path) -> bytes:
@@ -140,6 +158,27 @@ def next_order(path: Path) -> int | None:
     return None if None in orders else _next(orders)
 
 
+def text_fault(key: str, value: Any) -> str:
+    """Return what is wrong with a class or a list of texts, wherever it stands; empty if nothing is.
+
+    Args:
+        key: of a row: "class", "names", "held_out", "states", "places" or "models".
+        value: of it.
+    """
+    if key == "class":
+        if isinstance(value, str) and _IDENTIFIER.fullmatch(value) and len(value) <= 40:
+            return ""
+        form = "a class is lower-case letters, digits and _, with letters at both ends, as rubber_duck"
+        return f"class = {shown(str(value))}; {form}"
+    rule, what = _TEXTS[key]
+    good = isinstance(value, list) and len(value) <= _MOST_WORDS
+    if not good or not all(isinstance(text, str) and rule.fullmatch(text) and len(text) < 400 for text in value):
+        return f"{key} = {shown(str(value))} is not a list of at most {_MOST_WORDS} {what}"
+    if len(set(value)) < len(value):
+        return f"{key} = {shown(str(value))} names one twice; name each once"
+    return ""
+
+
 class _Row:
     """One row of a catalogue file; every problem names the file, the row and the key."""
 
@@ -151,14 +190,12 @@ class _Row:
         self._check_keys()
         name = self._class(known)
         known.kinds[name] = self.kind
-        states = tuple(self._texts("states", _STATE, "lower-case words")) or (
-            ("intact",) if self.kind == "graspable" else ("fixed",)
-        )
+        states = tuple(self._texts("states")) or (("intact",) if self.kind == "graspable" else ("fixed",))
         if "held" in states:
             raise self.error("states: 'held' is what the world says of an object in a hand; leave it out")
         names = self._names(name, known)
         model = self._object(name, known) if self.kind == "graspable" else self._furniture(name, known)
-        return ThingClass(name, self.kind, states, names, tuple(self._texts("places", _IDENTIFIER, "classes")), model)
+        return ThingClass(name, self.kind, states, names, tuple(self._texts("places")), model)
 
     def check_places(self, row: ThingClass, known: _Known) -> None:
         """Check that the places of an object are receptacles, those of this file included."""
@@ -183,11 +220,9 @@ class _Row:
 
     def _class(self, known: _Known) -> str:
         name = self.values.get("class")
-        if not isinstance(name, str) or not _IDENTIFIER.fullmatch(name) or len(name) > 40:
-            raise self.error(
-                f"class = {shown(str(name))}; a class is lower-case letters, digits and _, with letters at both ends, "
-                "as rubber_duck"
-            )
+        if fault := text_fault("class", name):
+            raise self.error(fault)
+        name = str(name)
         if name in STRUCTURE:
             raise self.error(f"class {name!r} is part of every home; choose another name")
         if name in BENCHMARK.classes:
@@ -197,11 +232,7 @@ class _Row:
         return name
 
     def _names(self, name: str, known: _Known) -> tuple[Name, ...]:
-        shown_names, held_out = (
-            self._texts(key, _NAME, "names of one to four lower-case words, without an article")
-            for key in ("names", "held_out")
-        )
-        names = names_of(name, shown_names, held_out)
+        names = names_of(name, self._texts("names"), self._texts("held_out"))
         for entry in names if self.kind != "scenery" else ():  # which no sentence names
             article, _, rest = entry.text.partition(" ")
             if article in _ARTICLES:
@@ -222,7 +253,7 @@ class _Row:
         return tuple(thing.files(name).items())
 
     def _furniture(self, name: str, known: _Known) -> tuple[tuple[str, bytes], ...]:
-        for text in self._texts("models", re.compile(r".+"), "URDFs"):
+        for text in self._texts("models"):
             source = self._source(text, "models")
             try:
                 read_whole(source)
@@ -247,13 +278,10 @@ class _Row:
             raise self.error(f"{key} = {shown(name)}: no such file beside the catalogue file{near}")
         return Source(self.path.parent / name, "thing")
 
-    def _texts(self, key: str, rule: re.Pattern[str], what: str) -> list[str]:
+    def _texts(self, key: str) -> list[str]:
         values = self.values.get(key, [])
-        good = isinstance(values, list) and len(values) <= _MOST_WORDS
-        if not good or not all(isinstance(text, str) and rule.fullmatch(text) and len(text) < 400 for text in values):
-            raise self.error(f"{key} = {shown(str(values))} is not a list of at most {_MOST_WORDS} {what}")
-        if len(set(values)) < len(values):
-            raise self.error(f"{key} = {shown(str(values))} names one twice; name each once")
+        if fault := text_fault(key, values):
+            raise self.error(fault)
         return [str(text) for text in values]
 
 

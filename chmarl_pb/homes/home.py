@@ -11,8 +11,7 @@ from chmarl_pb import catalog
 from chmarl_pb.assets import SCENES_DIR
 from chmarl_pb.catalog import BENCHMARK, Catalog
 from chmarl_pb.errors import HomeError
-from chmarl_pb.homes.generate.names import seed_of
-from chmarl_pb.homes.generate.store import generate_home
+from chmarl_pb.homes.generate.store import generate_home, generated_seed
 from chmarl_pb.homes.object_looks import looks_in
 from chmarl_pb.homes.problem import Findings, Refused, raise_first
 from chmarl_pb.homes.rooms import Room, Thing, rooms_of
@@ -87,10 +86,12 @@ def home_names() -> list[str]:
 def home_path(name_or_path: str | Path) -> Path:
     """Return the URDF of a packaged home's name, or the path itself; ``generated-123`` is made at its first use.
 
+    So is one that the user's cache has no more, or no longer whole, should its path there be given.
+
     Raises:
         HomeError: there is neither a home of this name nor such a file.
     """
-    seed = seed_of(str(name_or_path))
+    seed = generated_seed(name_or_path)
     if seed is not None:
         return generate_home(seed).resolve()
     packaged, path = SCENES_DIR / f"{name_or_path}.urdf", Path(str(name_or_path))

@@ -5,6 +5,8 @@ Everything is read within the limits that homes are read in, and written in the 
 """
 
 import json
+import os
+import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,8 +16,8 @@ import numpy as np
 
 from chmarl_pb.catalog import Catalog
 from chmarl_pb.errors import AssetError
-from chmarl_pb.files import replacing
-from chmarl_pb.homes.catalog_file import OwnKind, load_catalog, next_order
+from chmarl_pb.files import Lock, check_apart, replacing
+from chmarl_pb.homes.catalog_file import OwnKind, catalog_files, load_catalog, next_order, text_fault
 from chmarl_pb.homes.paint import ColouredTriangles
 from chmarl_pb.homes.shape import Numbers, Origin, Shape, read_mesh
 from chmarl_pb.homes.simplify import simplified
@@ -32,6 +34,7 @@ _UP = {
     "x": np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]]),
 }
 AXES = tuple(_UP)
+_OPTIONS = "--class, --names, --held-out, --states"  # of the command, that a row comes from
 _DENSITY = 150.0  # kg in a cubic metre of the box, where a file does not say what a thing weighs
 _HEAVIEST_GUESS = 2.0  # kg
 _LARGEST = 4.0  # metres: no furniture is larger along a side
@@ -65,22 +68,58 @@ class Wish:
 
 
 def add_thing(
-    file: Path, wish: Wish, catalog_file: Path, load: Callable[[Path], Catalog] = load_catalog
+    file: Path,
+    wish: Wish,
+    catalog_file: Path,
+    load: Callable[[Path], Catalog] = load_catalog,
+    picture: tuple[Path, Callable[[Path, Path], object]] | None = None,
 ) -> tuple[Catalog, Thing]:
     """Write a thing's URDF and meshes beside a catalogue file and its row into that; return both as they are now.
+
+    One process at a time adds to a catalogue file; others wait.
 
     Args:
         file: URDF, OBJ, STL or DAE.
         wish: what is to become of it.
         catalog_file: TOML; it is made if there is none.
         load: reads it before and after, and says what is wrong with it.
+        picture: a file, and what draws the URDF into it before the row is written.
 
     Raises:
-        AssetError: the file cannot be used, the class is known already, or the catalogue file is broken.
-        WriteError: the files cannot be written.
+        AssetError: the file cannot be used, the class is known already or cannot be called so, or the catalogue file
+            is broken.
+        OptionError: the picture would be written over a file that is read.
+        WriteError: the files or the picture cannot be written.
     """
+    _check_words(wish)
+    source = Source(file, "thing")
+    thing, pieces = _thing(source, wish)
+    if catalog_file.is_symlink():  # what its rows name lies beside the file itself
+        catalog_file = Path(os.path.realpath(catalog_file))
+    with Lock(catalog_file, wait=True):
+        if picture is not None:
+            check_apart(picture[0], [*source.files, *catalog_files(catalog_file)])
+        return _add(thing, pieces, wish, catalog_file, load, picture), thing
+
+
+def _check_words(wish: Wish) -> None:
+    """Refuse what a row cannot hold, before anything is called so."""
+    words = {"class": wish.name, "names": [*wish.names], "held_out": [*wish.held_out], "states": [*wish.states]}
+    for key, value in words.items():
+        if fault := text_fault(key, value):
+            raise AssetError(f"--{key.replace('_', '-')}{fault.removeprefix(key)}")
+
+
+def _add(
+    thing: Thing,
+    pieces: list[Points],
+    wish: Wish,
+    catalog_file: Path,
+    load: Callable[[Path], Catalog],
+    picture: tuple[Path, Callable[[Path, Path], object]] | None,
+) -> Catalog:
+    """Write all files of a thing, the row of the catalogue file last, or none; return the catalogue."""
     known, order = _text(catalog_file, load), next_order(catalog_file)
-    thing, pieces = read_file(file, wish)
     files = thing.files(wish.name) if wish.kind == "graspable" else thing.files(wish.name, pieces)
     folder, new = catalog_file.parent, [name for name in files if not (catalog_file.parent / name).exists()]
     if f"{wish.name}.urdf" not in new:
@@ -92,14 +131,19 @@ def add_thing(
         with replacing(catalog_file) as temporary:
             temporary.write_text(f"{known}{_row(wish, order)}", encoding="utf-8")
             catalog = load(temporary)
+            if picture is not None:
+                out, draw = picture
+                draw(folder / f"{wish.name}.urdf", out)
     except BaseException as error:
         for name in new:
             with suppress(OSError):
                 (folder / name).unlink()
         if isinstance(error, AssetError):
-            raise AssetError(str(error).replace(str(temporary), str(catalog_file))) from error
+            row = rf"^{re.escape(str(temporary))}: \[\[{wish.kind}\]\]( \d+)? \('{wish.name}'\): "
+            message = re.sub(row, f"{catalog_file}: the row to add ({_OPTIONS}): ", str(error))
+            raise AssetError(message.replace(str(temporary), str(catalog_file))) from error
         raise
-    return catalog, thing
+    return catalog
 
 
 def _text(catalog_file: Path, load: Callable[[Path], Catalog]) -> str:
@@ -111,7 +155,7 @@ def _text(catalog_file: Path, load: Callable[[Path], Catalog]) -> str:
 
 
 def _row(wish: Wish, order: int | None) -> str:
-    """Return a row as TOML, whose strings and lists of strings are those of JSON."""
+    """Return a row as TOML, whose strings and lists of strings, here of letters a to z and the like, are JSON's."""
     file = f"{wish.name}.urdf"
     model = {"urdf": file} if wish.kind == "graspable" else {"models": [file]}
     values = {
@@ -132,10 +176,16 @@ def read_file(file: Path, wish: Wish) -> tuple[Thing, list[Points]]:
     Raises:
         AssetError: it cannot be used.
     """
+    return _thing(Source(file, "thing"), wish)
+
+
+def _thing(source: Source, wish: Wish) -> tuple[Thing, list[Points]]:
+    """Return the same of a source; it knows then which files have been read."""
+    file = source.urdf
     try:
         if not np.isfinite(wish.scale) or not 1e-6 <= wish.scale <= 1e6:
             raise ValueError(f"a scale of {wish.scale} is not from 0.000001 to 1,000,000")
-        links, mass = _read(file)
+        links, mass = _read(source)
         meshes = [shape.mesh for link in links for shape in link.shapes if shape.mesh is not None]
         if wish.up is None and any("up axis" in mesh.unread for mesh in meshes):
             raise ValueError(
@@ -156,9 +206,9 @@ def read_file(file: Path, wish: Wish) -> tuple[Thing, list[Points]]:
         raise AssetError(f"{label}{error}") from error
 
 
-def _read(file: Path) -> tuple[list[Link], float | None]:
+def _read(source: Source) -> tuple[list[Link], float | None]:
     """Return the links of a URDF that have geometry, or one with a mesh, and the mass if the file says it."""
-    source = Source(file, "thing")
+    file = source.urdf
     if file.suffix.lower() != ".urdf":
         shape = Shape("mesh", {"scale": (1.0, 1.0, 1.0)}, Origin(), None, read_mesh(file.name, source))
         return [Link(file.stem, np.eye(4), Origin(), shape.in_colours, (shape,), ())], None

@@ -1,5 +1,6 @@
 """A picture of a home for people: the plan from above with room names, and a view as into a doll's house."""
 
+import zlib
 from collections.abc import Sequence
 from contextlib import closing
 from itertools import product
@@ -16,6 +17,7 @@ from chmarl_pb.files import check_apart, replacing
 from chmarl_pb.homes.home import Home, load_home
 from chmarl_pb.homes.problem import Problem
 from chmarl_pb.homes.solids import bounds
+from chmarl_pb.reading import read_regular
 from chmarl_pb.rendering.plan_view import LIGHT, plan_in
 from chmarl_pb.world import Client, loaded_home, quiet
 from chmarl_pb.world.bodies import link_names
@@ -31,6 +33,11 @@ _BEFORE = 0.3  # metres in front of a wall, where a floor shows that it is an in
 _PLATE = 250
 _INK = (45, 45, 45)
 _COLOURS = {"error": (214, 32, 32), "warning": (236, 140, 0)}  # of the marks of problems
+_HEAD = 33  # bytes of a PNG: its signature and its first chunk
+_TEXT = b"tEXtSoftware\0chmarl-pb"
+#: A chunk that says who has drawn a PNG.
+_MARK = (len(_TEXT) - 4).to_bytes(4, "big") + _TEXT + zlib.crc32(_TEXT).to_bytes(4, "big")
+_MOST_BYTES = 64 * 2**20  # of a picture
 _VIEW = 400  # width and height of each view of a model, pixels
 _SIDES = (30.0, 120.0, 210.0, 300.0)  # azimuths of the views of a model, degrees
 
@@ -90,8 +97,17 @@ def _check_name(out_png: str | Path) -> None:
 
 def _write(panels: list[Array], out_png: Path) -> None:
     """Write pictures side by side."""
+    content = cv2.imencode(".png", np.hstack(panels)[:, :, ::-1])[1].tobytes()
     with replacing(out_png) as temporary:
-        temporary.write_bytes(cv2.imencode(".png", np.hstack(panels)[:, :, ::-1])[1].tobytes())
+        temporary.write_bytes(content[:_HEAD] + _MARK + content[_HEAD:])
+
+
+def is_preview(path: Path) -> bool:
+    """Return whether a file is a picture that was drawn here."""
+    try:
+        return _MARK in read_regular(path, _MOST_BYTES)[: _HEAD + len(_MARK)]
+    except ValueError:
+        return False
 
 
 def _plan(client: int, home: Home, size: tuple[int, int], marks: Sequence[Problem]) -> Array:

@@ -6,6 +6,7 @@ memory.
 """
 
 import os
+import stat
 import weakref
 from contextlib import suppress
 from dataclasses import dataclass
@@ -89,14 +90,11 @@ class ViewStore:
         found = []
         for path in self.folder.glob(f"*{_SUFFIX}"):
             with suppress(OSError):  # another process may just have removed it
-                status = path.stat()
+                status = path.lstat()
+                if stat.S_ISDIR(status.st_mode):
+                    continue  # no file of the store
                 found.append(Entry(path, status.st_blocks * 512, status.st_mtime))
         return sorted(found, key=lambda entry: entry.used)
-
-    def clear(self) -> None:
-        """Remove all files; processes that use them keep what they have opened."""
-        for entry in self.entries():
-            entry.path.unlink(missing_ok=True)
 
     def _grant(self, wanted: int) -> bool:
         """Return whether so many bytes may be written, and count them."""

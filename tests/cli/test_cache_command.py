@@ -32,13 +32,63 @@ def test_the_command_shows_and_clears(folder: Path, home: Home, capsys: pytest.C
 
 def test_generated_homes_and_trials_are_shown_and_cleared(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     generate_home(3)
-    _keep("a key", cache_folder(), ())
+    _keep("0" * 64, cache_folder(), ())
     assert main(["cache"]) == 0
     shown = capsys.readouterr().out
     assert "1 generated homes, 0." in shown and "1 trials of homes, 0.0 MB" in shown
     assert main(["cache", "--clear"]) == 0
     assert "removed 1 generated homes" in capsys.readouterr().out
     assert not list(folder.parent.rglob("*.*"))
+
+
+def test_what_others_keep_in_the_cache_is_not_cleared(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cache, homes = folder.parent, generate_home(3).parent
+    _keep("0" * 64, cache_folder(), ())
+    (homes / ".generated-3.urdf-ab12_xyz.tmp").touch()  # of a process that was killed
+    own = [cache / "homes" / "my.urdf", homes / "notes.txt", homes / "meshes" / "my.obj", cache / "trials" / "my.json"]
+    for file in own:
+        file.write_text("mine")
+    assert main(["cache", "--clear"]) == 0
+    assert {file for file in cache.rglob("*") if not file.is_dir()} == set(own)
+    shown = capsys.readouterr().out
+    assert "removed 1 generated homes" in shown and f"{own[3]}: is not of the cache, and is left" in shown
+    for file in own:
+        file.unlink()
+    generate_home(3)
+    assert main(["cache", "--clear"]) == 0
+    assert not (cache / "homes").exists()
+
+
+def test_links_in_the_cache_are_not_followed(folder: Path, tmp_path: Path) -> None:
+    cache, homes = folder.parent, generate_home(3).parent
+    elsewhere = tmp_path / "elsewhere"
+    homes.rename(elsewhere)
+    _keep("0" * 64, elsewhere, ())
+    (elsewhere / "some.views").touch()
+    before = {file: file.read_bytes() for file in elsewhere.rglob("*") if file.is_file()}
+    for name in ("homes/generated-1", "trials", "views"):
+        (cache / name).symlink_to(elsewhere)
+    assert main(["cache", "--clear"]) == 0
+    assert [file for file in cache.rglob("*") if file.is_symlink()] == []
+    assert before == {file: file.read_bytes() for file in elsewhere.rglob("*") if file.is_file()}
+
+
+@pytest.mark.parametrize("name", ["homes", "trials", "views"])
+def test_what_is_no_folder_is_named_and_the_rest_is_cleared(
+    name: str, folder: Path, home: Home, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (blocking := folder.parent / name).parent.mkdir(exist_ok=True)
+    blocking.write_text("mine")
+    if name != "homes":
+        generate_home(3)
+    if name != "trials":
+        _keep("0" * 64, cache_folder(), ())
+    if name != "views":
+        looks(home)
+    assert main(["cache", "--clear"]) == 2
+    said = capsys.readouterr().err
+    assert f"{blocking} is no folder, so nothing is kept there; move it away" in said and said.count("\n") == 1
+    assert [file for file in folder.parent.rglob("*") if file.is_file()] == [blocking]
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import chmarl_pb
 from chmarl_pb.cli.program import main
 from chmarl_pb.evaluation.golden import ROLLOUTS
 
@@ -52,16 +53,20 @@ def test_a_place_of_the_cache_that_is_no_folder_is_named(
 def test_what_could_not_be_cleared_is_not_said_to_be_removed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "homes").mkdir()
     monkeypatch.setenv("CHMARL_CACHE", str(tmp_path))
+    home, unlink = chmarl_pb.generate_home(3), Path.unlink
 
-    def refuse(folder: Path) -> None:
-        raise OSError(30, "Read-only file system", str(folder))
+    def refuse(path: Path, missing_ok: bool = False) -> None:
+        if "meshes" not in path.parts:
+            raise OSError(30, "Read-only file system", str(path))
+        unlink(path, missing_ok)
 
-    monkeypatch.setattr("chmarl_pb.cli.cache.shutil.rmtree", refuse)
+    monkeypatch.setattr(Path, "unlink", refuse)
     assert main(["cache", "--clear"]) == 2
     told = capsys.readouterr()
-    assert "removed" not in told.out and "Read-only file system" in told.err
+    assert f"{tmp_path / 'homes'}: removed 0 generated homes" in told.out and home.is_file()
+    assert f"{home.parent}/generated-3." in told.err and "cannot be removed (Read-only file system)" in told.err
+    assert "(and 2 more)" in told.err
 
 
 def test_a_page_that_cannot_be_written_leaves_no_episodes(

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -138,6 +139,67 @@ def test_the_starter_is_built_and_good(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["homes", "check", str(tmp_path / "cabin.urdf")]) == 0
 
 
+def test_a_schema_of_others_is_left_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    schema = tmp_path / "layout.schema.json"
+    schema.write_text("{}")
+    assert main(["homes", "new", str(tmp_path / "cabin.toml")]) == 0
+    assert schema.read_text() == "{}" and f"{schema} is there already and differs" in capsys.readouterr().out
+    schema.unlink()
+    for name in ("a.toml", "b.toml"):
+        assert main(["homes", "new", str(tmp_path / name)]) == 0
+    assert schema.is_file() and "differs" not in capsys.readouterr().out
+
+
+BY_HAND = """<?xml version='1.0' encoding='utf-8'?>
+<robot name="cabin">
+  <link name="home">
+    <inertial>
+      <mass value="0" />
+    </inertial>
+  </link>
+</robot>
+"""
+
+
+@pytest.mark.parametrize("text", ["<robot name='mine'/>", BY_HAND, "\x00\xff"])
+def test_a_home_by_hand_is_not_built_over(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    layout, home = tmp_path / "cabin.toml", tmp_path / "cabin.urdf"
+    layout.write_text(STARTER.read_text())
+    home.write_text(text)
+    assert main(["homes", "build", str(layout)]) == 2
+    said = capsys.readouterr().err
+    assert f"{home} is there already and was not built from a layout; name another file by --out" in said
+    assert home.read_text() == text and sorted(tmp_path.iterdir()) == [layout, home]
+    assert main(["homes", "build", str(layout), "--out", str(home)]) == 0
+    layout.write_text(layout.read_text().replace("stove_gas", "stove_electric"))
+    assert main(["homes", "build", str(layout)]) == 0, "it has been built by now"
+    home.write_text(home.read_text().replace("</robot>", "  <!-- mine -->\n</robot>"))
+    assert main(["homes", "build", str(layout)]) == 2
+
+
+@pytest.mark.parametrize("home", sorted(SCENES_DIR.glob("*.urdf")), ids=lambda path: str(path.stem))
+def test_homes_of_all_versions_are_known_as_built(home: Path, tmp_path: Path) -> None:
+    (tmp_path / "cabin.toml").write_text(STARTER.read_text())
+    shutil.copy(home, tmp_path / "cabin.urdf")
+    assert main(["homes", "build", str(tmp_path / "cabin.toml")]) == 0
+
+
+def test_a_mesh_by_hand_is_not_built_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    layout = tmp_path / "cabin.toml"
+    layout.write_text(STARTER.read_text())
+    assert main(["homes", "build", str(layout)]) == 0
+    mesh = sorted((tmp_path / "meshes").iterdir())[0]
+    content = mesh.read_bytes()
+    mesh.write_text("older")
+    assert main(["homes", "build", str(layout)]) == 0 and mesh.read_bytes() == content, "the home beside it names it"
+    (tmp_path / "cabin.urdf").unlink()
+    mesh.write_text("mine")
+    for words in ([], ["--out", str(tmp_path / "other.urdf")]):
+        assert main(["homes", "build", str(layout), *words]) == 2
+        assert f"{mesh} is there already, differs" in capsys.readouterr().err
+    assert mesh.read_text() == "mine" and not list(tmp_path.glob("*.urdf"))
+
+
 def test_a_watched_layout_is_built_when_it_is_saved(tmp_path: Path) -> None:
     layout, home = tmp_path / "cabin.toml", tmp_path / "cabin.urdf"
     text = STARTER.read_text()
@@ -151,5 +213,9 @@ def test_a_watched_layout_is_built_when_it_is_saved(tmp_path: Path) -> None:
             layout.write_text(text)
             assert str(home) in watching.stdout.readline()
             assert home.with_suffix(".png").is_file()
+            home.with_suffix(".png").write_text("mine")
+            layout.write_text(f"{text}\n")
+            assert f"{home.with_suffix('.png')} is there already" in watching.stderr.readline()
+            assert home.with_suffix(".png").read_text() == "mine"
         finally:
             watching.kill()

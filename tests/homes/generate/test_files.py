@@ -4,6 +4,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,7 @@ import pytest
 
 import chmarl_pb
 from chmarl_pb.cli import main
-from chmarl_pb.errors import HomeError, OptionError
-from chmarl_pb.homes import assemble
+from chmarl_pb.errors import HomeError, OptionError, WriteError
 from chmarl_pb.homes.assemble import build_home
 from chmarl_pb.homes.generate import store
 from chmarl_pb.homes.generate.home_layout import draw_layout
@@ -97,10 +97,78 @@ def test_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(assemble, "_copy_meshes", full)
-    with pytest.raises(OSError, match="No space"):
-        chmarl_pb.generate_home(4, tmp_path)
-    assert not (tmp_path / "generated-4.urdf").exists()
+    monkeypatch.setenv("CHMARL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(Path, "write_bytes", full)
+    for out in (tmp_path, None):
+        with pytest.raises(WriteError, match="No space"):
+            chmarl_pb.generate_home(4, out)
+    assert not list(tmp_path.rglob("*.urdf"))
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def shift(path: Path) -> None:
+    path.write_text(path.read_text().replace('<origin xyz="', '<origin xyz="1', 1))
+
+
+def link(path: Path) -> None:
+    path.rename(path.parents[2] / path.name)
+    path.symlink_to(path.parents[2] / path.name)
+
+
+def pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "damage"),
+    [
+        ("*.urdf", cut),
+        ("*.urdf", shift),
+        ("*.urdf", Path.unlink),
+        ("*.toml", cut),
+        ("meshes/*.obj", empty),
+        ("meshes/*.obj", Path.unlink),
+        ("meshes/*.obj", link),
+        ("meshes/*.obj", pipe),
+        ("*.json", cut),
+        ("*.json", Path.unlink),  # as earlier versions left homes
+    ],
+)
+def test_a_damaged_home_in_the_cache_is_made_anew(
+    pattern: str, damage: Callable[[Path], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CHMARL_CACHE", str(tmp_path))
+    path = load_home("generated-3").path
+    files = {file: file.read_bytes() for file in path.parent.rglob("*.*")}
+    assert len(files) > 90
+    content = load_home("generated-3").content
+    for name in ("generated-3", path):
+        damage(sorted(path.parent.glob(pattern))[0])
+        assert load_home(name).content == content
+        assert {file: file.read_bytes() for file in path.parent.rglob("*.*")} == files
+
+
+def test_processes_make_a_damaged_home_anew_at_once(tmp_path: Path) -> None:
+    load = "import chmarl_pb.homes.home as home; print(home.load_home('generated-3').content)"
+    env = {**os.environ, "CHMARL_CACHE": str(tmp_path)}
+
+    def play(count: int) -> set[str]:
+        command = [sys.executable, "-c", load]
+        started = [subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True) for _ in range(count)]
+        return {process.communicate()[0] for process in started}
+
+    found = play(1)
+    for file in tmp_path.rglob("*.*"):
+        cut(file) if file.is_file() else None
+    assert play(3) == found != {""}
 
 
 @pytest.mark.parametrize("seed", [0, 13, 4711])
@@ -118,7 +186,9 @@ def test_an_environment_draws_tasks_that_can_be_solved() -> None:
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["homes", "generate", "--seed", "8", "--count", "2", "--out", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.split() == [str(tmp_path / f"generated-{seed}.urdf") for seed in (8, 9)]
+    said = capsys.readouterr()
+    assert said.out.split() == [str(tmp_path / f"generated-{seed}.urdf") for seed in (8, 9)]
+    assert "making homes" in said.err and "2/2" in said.err
     assert {f"generated-{seed}{kind}" for seed in (8, 9) for kind in (".toml", ".urdf", ".png")} <= set(
         entry.name for entry in tmp_path.iterdir()
     )
