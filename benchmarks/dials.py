@@ -16,8 +16,8 @@ from textwrap import shorten
 from typing import Any
 
 from benchmarks.dials_drawing import draw
-from chmarl_pb.cli.evaluate import interval, percent
 from chmarl_pb.errors import ChmarlError
+from chmarl_pb.evaluation.as_text import interval, percent
 from chmarl_pb.evaluation.metrics import Figure
 from chmarl_pb.evaluation.protocol import SEEDS, evaluate
 from chmarl_pb.evaluation.sample import evaluated_tasks

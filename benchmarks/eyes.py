@@ -9,7 +9,7 @@ import argparse
 from functools import partial
 from typing import Any
 
-from chmarl_pb.cli.evaluate import percent
+from chmarl_pb.evaluation.as_text import percent
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.sample import evaluated_tasks
 from chmarl_pb.learning.networks.frozen import frozen_encoder

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from chmarl_pb.cli.evaluate import interval, percent
+from chmarl_pb.evaluation.as_text import interval, percent
 from chmarl_pb.evaluation.metrics import Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.policies.belief import statistics

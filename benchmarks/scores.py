@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from chmarl_pb.cli.evaluate import percent
 from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.as_text import percent
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.provenance import source_hash
 from chmarl_pb.evaluation.sample import evaluated_tasks

@@ -19,7 +19,8 @@ from typing import Any
 from chmarl_pb.envs.options import OBSERVATIONS, Options
 from chmarl_pb.envs.tracks import GROUNDED, HEADLINE_SPLITS, PAPER, TRACKS
 from chmarl_pb.errors import ChmarlError, ResultError
-from chmarl_pb.evaluation.gain import gain, gain_of, points
+from chmarl_pb.evaluation.as_text import points
+from chmarl_pb.evaluation.gain import gain, gain_of
 from chmarl_pb.evaluation.json_file import read_object
 from chmarl_pb.evaluation.played_again import what_differs
 from chmarl_pb.evaluation.protocol import SEEDS

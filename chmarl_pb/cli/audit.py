@@ -16,9 +16,9 @@ from chmarl_pb.cli.arguments import (
     chosen_seeds,
     given_rules,
 )
-from chmarl_pb.cli.evaluate import interval, number, percent
 from chmarl_pb.cli.output import add_json, check_json_apart, tell
-from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK
+from chmarl_pb.envs.tracks import split_or_headline
+from chmarl_pb.evaluation.as_text import interval, number, percent
 from chmarl_pb.evaluation.audit import audit
 from chmarl_pb.evaluation.audit_file import FORMAT, Audit, Line
 from chmarl_pb.fingerprint import sha256_of
@@ -49,7 +49,7 @@ def run_audit(options: argparse.Namespace) -> int:
             written.
         TaskError: there is no such task.
     """
-    split = HEADLINE_SPLITS[options.track] if options.split is OF_TRACK else options.split
+    split = split_or_headline(options.split, options.track)
     out = options.out or Path("out/audit") / f"{'-'.join([options.track, split, *_differing(options)])}.json"
     check_json_apart(options, out.with_suffix(""))
     with chosen_executor(options) as executor, progress_bar() as bar:

@@ -6,10 +6,10 @@ from functools import partial
 from pathlib import Path
 
 from chmarl_pb.cli.arguments import add_seeds, add_track, add_workers, chosen_executor, chosen_seeds, output_folder
-from chmarl_pb.cli.evaluate import interval, number, percent
 from chmarl_pb.cli.output import add_json, check_json_apart, each, tell
 from chmarl_pb.envs.tracks import GROUNDED, MAX_STEPS, PAPER, TRACKS
 from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.as_text import interval, number, percent
 from chmarl_pb.evaluation.cooperation import check_reference, write_reference
 from chmarl_pb.evaluation.metrics import Played
 from chmarl_pb.evaluation.protocol import check_out, evaluate

@@ -62,12 +62,11 @@ def _run(options: argparse.Namespace) -> int:
     """Play the task that is named, or one that is drawn for the home that is named."""
     check_home(options)
     task: str | Task | None = options.task
+    names = ("robots", "catalog", "lookalikes", "track")
+    given = {name: getattr(options, name) for name in names}
     if options.home is not None:
-        (task,) = draw_tasks(
-            options.home, 1, 0, options.catalog, options.robots, lookalikes=options.lookalikes, track=options.track
-        )
-    given = {"robots": options.robots, "catalog": options.catalog, "track": options.track}
-    return demo(task, options.observation, options.out, lookalikes=options.lookalikes, **given)
+        (task,) = draw_tasks(options.home, 1, **given)
+    return demo(task, options.observation, options.out, **given)
 
 
 def demo(task: str | Task | None, observation: str, out: Path, policy: str = "planner", **options: Any) -> int:

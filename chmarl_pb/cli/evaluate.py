@@ -27,13 +27,14 @@ from chmarl_pb.cli.arguments import (
 )
 from chmarl_pb.cli.output import Screen, add_json, say, tell
 from chmarl_pb.envs.options import Options
-from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
+from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER, split_or_headline
 from chmarl_pb.errors import OptionError
+from chmarl_pb.evaluation.as_text import interval, interval_text, number, percent, points
 from chmarl_pb.evaluation.cooperation import reference_scores
 from chmarl_pb.evaluation.drawn import draw_tasks
-from chmarl_pb.evaluation.gain import gain_of, interval_text, points
+from chmarl_pb.evaluation.gain import gain_of
 from chmarl_pb.evaluation.intervals import are_drawn
-from chmarl_pb.evaluation.metrics import Figure, Summary
+from chmarl_pb.evaluation.metrics import Summary
 from chmarl_pb.evaluation.protocol import evaluate
 from chmarl_pb.evaluation.result import Report, is_summary
 from chmarl_pb.evaluation.rules import rules_with
@@ -89,17 +90,11 @@ def run_evaluation(options: argparse.Namespace) -> int:
     source = find_policy(options.policy)
     rules = rules_with(source.rules, given_rules(options) | given_of(options))
     tasks, track = options.task, rules.get("track", PAPER)
-    where = HEADLINE_SPLITS[track] if options.split is OF_TRACK else options.split
+    where = split_or_headline(options.split, track)
     if options.home is not None:
-        tasks = draw_tasks(
-            options.home,
-            _DRAWN if options.draw is None else whole_number("draw", options.draw, 1),
-            0,
-            options.catalog,
-            options.robots,
-            lookalikes=rules.get("lookalikes", OF_TRACK),
-            track=track,
-        )
+        count = _DRAWN if options.draw is None else whole_number("draw", options.draw, 1)
+        drawn = {"catalog": options.catalog, "robots": options.robots, "track": track}
+        tasks = draw_tasks(options.home, count, lookalikes=rules.get("lookalikes", OF_TRACK), **drawn)
         where = options.home
     with chosen_executor(options) as executor, progress_bar() as bar:
         row = bar.add_task(f"{options.policy} on {where}", total=None)
@@ -228,24 +223,6 @@ def _beside(report: Report) -> str:
     scores = reference_scores(report.settings["split"], report.settings["options"]["max_steps"], tasks)
     names = [name for name in (*SHORTCUTS, *SEARCHES) if name in scores]
     return ", ".join(f"{name} {100 * scores[name].success_rate:.1f} / {100 * scores[name].plw:.1f}" for name in names)
-
-
-def percent(figure: Figure) -> str:
-    """Return a rate as "mean ± deviation" in per cent."""
-    return number(Figure(*(None if v is None else 100 * v for v in (figure.mean, figure.deviation))))
-
-
-def number(figure: Figure, digits: int = 1) -> str:
-    """Return a figure as "mean ± deviation"."""
-    if figure.mean is None:
-        return "-"
-    deviation = "" if figure.deviation is None else f" ± {figure.deviation:.{digits}f}"
-    return f"{figure.mean:.{digits}f}{deviation}"
-
-
-def interval(figure: Figure) -> str:
-    """Return the interval of a rate in per cent."""
-    return f"{100 * (figure.low or 0):.1f} to {100 * (figure.high or 0):.1f}"
 
 
 def evaluate_command(policy: Path, options: Options, robots: str) -> str:

@@ -59,7 +59,7 @@ def task_of(options: argparse.Namespace) -> Task:
     if options.task is not None:
         return find_task(options.task)
     rules = {name: value for name, value in rules_for(options).items() if name in ("lookalikes", "track")}
-    (task,) = draw_tasks(options.home, 1, 0, options.catalog, options.robots, **rules)
+    (task,) = draw_tasks(options.home, 1, catalog=options.catalog, robots=options.robots, **rules)
     return task
 
 

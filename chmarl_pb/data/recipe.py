@@ -104,9 +104,9 @@ class Recipe:
     def _all_tasks(self) -> list[Task]:
         count = self.limit or _DRAWN
         if self.home is not None:
-            return [*draw_tasks(self.home, count, self.seed, self.catalog, self.robots)]
+            return [*draw_tasks(self.home, count, self.seed, catalog=self.catalog, robots=self.robots)]
         if self.split == STREAM:
-            return [*stream_tasks(count, self.seed, self.catalog, self.robots)]
+            return [*stream_tasks(count, self.seed, catalog=self.catalog, robots=self.robots)]
         return load_tasks(self.split)
 
     def facts(self) -> dict[str, Any]:

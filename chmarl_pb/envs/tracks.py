@@ -29,3 +29,8 @@ PAPER, GROUNDED = TRACKS
 
 #: Track -> split on which its scores are compared.
 HEADLINE_SPLITS = {PAPER: "test-unseen", GROUNDED: "generated-test"}
+
+
+def split_or_headline(split: str, track: str) -> str:
+    """Return a split, or in the place of ``OF_TRACK`` that of a track's headline; "" if there is no such track."""
+    return HEADLINE_SPLITS.get(track, "") if split is OF_TRACK else split

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.envs.options import Options
-from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
+from chmarl_pb.envs.tracks import OF_TRACK, PAPER, split_or_headline
 from chmarl_pb.evaluation.audit_file import FORMAT, Audit, Line
 from chmarl_pb.evaluation.json_file import check_replaceable
 from chmarl_pb.evaluation.protocol import SEEDS, check_out, evaluate
@@ -91,7 +91,7 @@ def audit(
         WorkerError: a process died; finished episodes are kept.
         WriteError: a file cannot be written.
     """
-    split = HEADLINE_SPLITS.get(track, "") if split is OF_TRACK else split
+    split = split_or_headline(split, track)
     given = {"track": track, **options}
     setting = Options(**{"split": split, **{name: value for name, value in given.items() if name != "tasks"}})
     file = None if out is None else Path(out)

@@ -1,17 +1,14 @@
 """Tasks that are drawn for a home of the user's or of the endless split, to be played like those of a fixed one."""
 
 from functools import lru_cache, partial
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from chmarl_pb.envs.options import Options
-from chmarl_pb.envs.tracks import OF_TRACK, PAPER
 from chmarl_pb.errors import OptionError
 from chmarl_pb.evaluation.provenance import robots_hash
 from chmarl_pb.homes.home import load_home
-from chmarl_pb.robots.model import RobotModel
-from chmarl_pb.robots.registry import TEAM
 from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.tasks.simulations import Simulations
 from chmarl_pb.tasks.source import TaskSource, draw_solvable
@@ -22,38 +19,27 @@ _IN_A_HOME = 10  # tasks of the endless split that are drawn in each home, as ma
 _MOST_HOMES = 10**6  # of one draw, so that draws of other seeds have others
 
 
-def draw_tasks(
-    home: str,
-    count: int,
-    seed: int = 0,
-    catalog: str | None = None,
-    robots: tuple[str | Path | RobotModel, ...] = TEAM,
-    seeds_from: int = 0,
-    lookalikes: bool = OF_TRACK,
-    track: str = PAPER,
-) -> tuple[Task, ...]:
+def draw_tasks(home: str, count: int, seed: int = 0, *, seeds_from: int = 0, **options: Any) -> tuple[Task, ...]:
     """Return tasks that the planner solves in a home; the same arguments give the same tasks.
 
     Args:
         home: name or path.
         count: how many.
         seed: of the draw.
-        catalog: catalogue file of own things.
-        robots: that are to solve them.
         seeds_from: least seed of a task; from 2**31 on they are none that an environment draws.
-        lookalikes: whether they are to be solved among lookalikes, of which their L* then is.
-        track: which says so where it is not given.
+        **options: of the environment that they are to be solved in: ``robots``, ``catalog``, and ``lookalikes`` or
+            ``track``, which say whether there are lookalikes.
 
     Raises:
-        OptionError: the number is not positive.
+        OptionError: the number is not positive, or an option has a value that it does not know.
         HomeError: the home cannot be used.
         TaskError: the home offers no task that can be solved.
     """
     if count < 1:
         raise OptionError(f"{count} tasks: draw at least one")
-    options = Options(home=home, robots=robots, catalog=catalog, lookalikes=lookalikes, track=track)
-    files = load_home(home, options.things).content, *_files(options)
-    return _draw_tasks(files, home, count, seed, options, seeds_from)
+    setting = Options(home=home, **options)
+    files = load_home(home, setting.things).content, *_files(setting)
+    return _draw_tasks(files, home, count, seed, setting, seeds_from)
 
 
 def _files(options: Options) -> tuple[object, ...]:
@@ -77,25 +63,19 @@ def _draw_tasks(
     return tuple(task for task in tasks if isinstance(task, Task))
 
 
-def stream_tasks(
-    count: int,
-    seed: int = 0,
-    catalog: str | None = None,
-    robots: tuple[str | Path | RobotModel, ...] = TEAM,
-) -> tuple[Task, ...]:
+def stream_tasks(count: int, seed: int = 0, **options: Any) -> tuple[Task, ...]:
     """Return tasks of the endless split, ten in each home: each is what ``reset`` plays with some seed.
 
     Args:
         count: how many.
         seed: of the draw.
-        catalog: catalogue file of own things.
-        robots: that are to solve them.
+        **options: of the environment that they are to be solved in: ``robots`` and ``catalog``.
 
     Raises:
         TaskError: several homes in a row offer no task that can be solved.
     """
-    options = Options(split=STREAM, robots=robots, catalog=catalog)
-    return _stream_tasks(_files(options), count, seed, options)
+    setting = Options(split=STREAM, **options)
+    return _stream_tasks(_files(setting), count, seed, setting)
 
 
 @lru_cache(maxsize=16)

@@ -88,13 +88,3 @@ def _by_same_rules(options: Mapping[str, Any], found: Audit) -> bool:
     free = ("image_size", *(name for name in _LESS if not options.get(name, True)))
     own, theirs = ({name: of[name] for name in of if name not in free} for of in (options, found.settings["options"]))
     return own == theirs
-
-
-def points(gained: float | None) -> str:
-    """Return a gain as text, empty if there is none."""
-    return "" if gained is None else f"{gained:+.1f}"
-
-
-def interval_text(gained: Figure) -> str:
-    """Return the interval of a gain as text, empty if there is none."""
-    return "" if gained.low is None or gained.high is None else f"{gained.low:+.1f} to {gained.high:+.1f}"

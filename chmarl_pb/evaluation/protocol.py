@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.envs.options import Observed, Options
-from chmarl_pb.envs.tracks import HEADLINE_SPLITS, OF_TRACK, PAPER
+from chmarl_pb.envs.tracks import OF_TRACK, PAPER, split_or_headline
 from chmarl_pb.errors import OptionError, ResultError
 from chmarl_pb.evaluation.json_file import check_replaceable
 from chmarl_pb.evaluation.labels import label_fault
@@ -104,7 +104,7 @@ def evaluate(
         raise OptionError(f"label={label!r} {fault}; name the row otherwise")
     source = find_policy(policy)
     options = rules_with(source.rules, options)
-    split = HEADLINE_SPLITS.get(options.get("track", PAPER), "") if split is OF_TRACK else split
+    split = split_or_headline(split, options.get("track", PAPER))
     observed = Options(observation or source.observation or "scene_graph", split, **options)
     setup = Setup(policy, observed, env_fn, source.sha256 if source.told else None)
     if check_seats:

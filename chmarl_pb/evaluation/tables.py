@@ -9,8 +9,9 @@ import numpy as np
 
 from chmarl_pb.envs.options import Options
 from chmarl_pb.envs.tracks import MAX_STEPS
+from chmarl_pb.evaluation.as_text import interval_text, points
 from chmarl_pb.evaluation.cooperation import Score, reference_scores, reference_scores_by_wording
-from chmarl_pb.evaluation.gain import gain_of, interval_text, points
+from chmarl_pb.evaluation.gain import gain_of
 from chmarl_pb.evaluation.metrics import Figure, Summary
 from chmarl_pb.evaluation.paper import SPLITS, PaperTable, Row
 from chmarl_pb.evaluation.provenance import tasks_hash

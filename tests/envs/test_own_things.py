@@ -163,7 +163,7 @@ def test_copies_and_the_environment_variable(
 
 def test_results_and_episode_files_know_the_catalogue(files: tuple[str, str], tmp_path: Path) -> None:
     home, catalog = files
-    tasks = draw_tasks(home, 2, 0, catalog)
+    tasks = draw_tasks(home, 2, catalog=catalog)
     report = chmarl_pb.evaluate("search", tasks=tasks, seeds=[0], workers=1, catalog=catalog)
     env = chmarl_pb.parallel_env(home=home, catalog=catalog)
     assert report.settings["catalog_sha256"] == env.catalog.content

@@ -15,17 +15,10 @@ from chmarl_pb.cli.audit import table_of
 from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import OptionError, ResultError
 from chmarl_pb.evaluation import audit as module
+from chmarl_pb.evaluation.as_text import interval_text, points
 from chmarl_pb.evaluation.audit import audit, rows_of, uses
 from chmarl_pb.evaluation.audit_file import Audit, load_audit, published_audit
-from chmarl_pb.evaluation.gain import (
-    _comparable,
-    best_blind,
-    gain,
-    gain_of,
-    gain_of_runs,
-    interval_text,
-    points,
-)
+from chmarl_pb.evaluation.gain import _comparable, best_blind, gain, gain_of, gain_of_runs
 from chmarl_pb.evaluation.metrics import Figure, Played
 from chmarl_pb.evaluation.play import Job, Setup, play
 from chmarl_pb.evaluation.protocol import evaluate

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from chmarl_pb.cli.evaluate import interval, percent
+from chmarl_pb.evaluation.as_text import interval, percent
 from chmarl_pb.evaluation.metrics import Played, summarize
 from chmarl_pb.evaluation.provenance import tasks_hash
 from chmarl_pb.tasks.splits import fixed_homes, load_tasks

@@ -25,8 +25,9 @@ from chmarl_pb.data.recipe import Recipe
 from chmarl_pb.envs.tracks import GROUNDED, PAPER, TRACKS
 from chmarl_pb.errors import BusyError, ChmarlError, OptionError, ResultError
 from chmarl_pb.evaluation import paper
+from chmarl_pb.evaluation.as_text import points
 from chmarl_pb.evaluation.audit_file import published_audit
-from chmarl_pb.evaluation.gain import gain, points
+from chmarl_pb.evaluation.gain import gain
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.executors import Local
 from chmarl_pb.learning.policies.cloned import CloningConfig

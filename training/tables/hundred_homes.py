@@ -6,8 +6,8 @@ from statistics import fmean
 from typing import Any
 
 from chmarl_pb.envs.tracks import MAX_STEPS
+from chmarl_pb.evaluation.as_text import points
 from chmarl_pb.evaluation.cooperation import Reference, path_weighted_lengths, read_reference
-from chmarl_pb.evaluation.gain import points
 from chmarl_pb.evaluation.intervals import interval
 from chmarl_pb.evaluation.metrics import by_home
 from chmarl_pb.tasks.tidy_task import AnyTask

@@ -7,7 +7,8 @@ from statistics import fmean
 
 from chmarl_pb.envs.tracks import HEADLINE_SPLITS
 from chmarl_pb.evaluation import paper
-from chmarl_pb.evaluation.gain import best_blind, interval_text, points
+from chmarl_pb.evaluation.as_text import interval_text, points
+from chmarl_pb.evaluation.gain import best_blind
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import replacing
 from training.tables.cells import HEADLINE, METRICS, NOT_RUN, Records, built_in, cell, gained, runs_of, values

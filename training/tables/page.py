@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from chmarl_pb.envs.tracks import GROUNDED, HEADLINE_SPLITS, MAX_STEPS
+from chmarl_pb.evaluation.as_text import points
 from chmarl_pb.evaluation.audit_file import published_audit
 from chmarl_pb.evaluation.cooperation import reference_scores_by_wording
-from chmarl_pb.evaluation.gain import best_blind, gain, points
+from chmarl_pb.evaluation.gain import best_blind, gain
 from chmarl_pb.evaluation.paper import SPLITS
 from chmarl_pb.files import Lock, write_atomically
 from chmarl_pb.policies.registry import BUILT_IN, SEARCHES, SHORTCUTS

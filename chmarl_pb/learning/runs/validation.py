@@ -93,7 +93,8 @@ def home_tasks(
     home: str, most: int, robots: tuple[str, ...], catalog: str | None, lookalikes: bool = False
 ) -> list[Task]:
     """Return tasks that are drawn for a home, with seeds that training never draws; see :func:`by_home`."""
-    return list(draw_tasks(home, most, 0, catalog, robots, SEEDS_FROM, lookalikes))
+    drawn = draw_tasks(home, most, seeds_from=SEEDS_FROM, robots=robots, catalog=catalog, lookalikes=lookalikes)
+    return list(drawn)
 
 
 class _ByTasks:

@@ -73,9 +73,8 @@ class Choice:
         if self.home is None:
             return choose_task()
         lookalikes = self.rules.get("lookalikes", OF_TRACK)
-        (task,) = draw_tasks(
-            self.home, 1, self.draw, self.catalog, self.robots, lookalikes=lookalikes, track=self.track
-        )
+        given: dict[str, Any] = {"catalog": self.catalog, "robots": self.robots, "track": self.track}
+        (task,) = draw_tasks(self.home, 1, self.draw, lookalikes=lookalikes, **given)
         return task
 
 
