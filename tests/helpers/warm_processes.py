@@ -34,5 +34,6 @@ class WarmContext(SpawnContext):
 def start_warm(patch: pytest.MonkeyPatch) -> None:
     """Let the package's pools and vectors of environments start such processes."""
     forkserver.set_forkserver_preload(["tests.helpers.warm_server"])
+    forkserver.ensure_running()  # here, where interrupts are heard: what it forks hears what it does
     patch.setattr("chmarl_pb.processes.SpawnProcess", WarmProcess)
     patch.setattr("chmarl_pb.envs.vector.engine.get_context", lambda method: WarmContext())

@@ -128,5 +128,5 @@ def test_nothing_is_imported_under_one(tmp_path: Path, capsys: pytest.CaptureFix
     for wish in (("house",), ("chest", "--names", "view"), ("chest", "--names", "a chest")):
         assert main((*add, *wish)) == 2
         (line,) = capsys.readouterr().err.splitlines()
-        assert line.startswith(f"chmarl-pb: {tmp_path / 'own.toml'}: [[graspable]]") and ".tmp" not in line
+        assert line.startswith(f"chmarl-pb: {tmp_path / 'own.toml'}: the row to add (--class") and ".tmp" not in line
     assert sorted(tmp_path.iterdir()) == before

@@ -82,4 +82,5 @@ def test_a_task_is_drawn_by_the_rules_that_it_is_played_by(monkeypatch: pytest.M
 
     monkeypatch.setattr(choice, "draw_tasks", drawn)
     Choice(home=SHORT.home, rules={"lookalikes": True}).begin().close()
-    assert asked == [(SHORT.home, {"lookalikes": True, "track": "paper"})]
+    given = {"catalog": None, "robots": ("humanoid", "drone")}
+    assert asked == [(SHORT.home, {"lookalikes": True, "track": "paper", **given})]

@@ -12,6 +12,7 @@ import pybullet
 import pytest
 
 import chmarl_pb
+from chmarl_pb.catalog import BENCHMARK
 from chmarl_pb.envs.vector.engine import Engine
 from chmarl_pb.errors import ChmarlError, HomeError
 from chmarl_pb.homes.home import load_home
@@ -56,7 +57,7 @@ def no_collector() -> Iterator[None]:
     """What is dropped goes at once, not when the garbage collector happens to come by."""
     renderer = Simulation("home_1").renderer
     assert isinstance(renderer, FastRenderer)
-    movables_module.movables(renderer._team)  # has a client for the whole process
+    movables_module.movables(renderer._team, BENCHMARK)  # has a client for the whole process
     del renderer
     gc.collect()
     gc.disable()
