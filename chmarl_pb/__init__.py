@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from chmarl_pb.signals import is_program, loading
 
-with loading("chmarl-pb") if is_program() else nullcontext():
+with loading("chmarl-pb") if is_program("chmarl_pb") else nullcontext():
     from chmarl_pb.envs.registration import register_envs
 
 if TYPE_CHECKING:

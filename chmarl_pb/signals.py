@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
+from itertools import dropwhile
 from pathlib import Path
 from types import FrameType
 from typing import IO, Any
@@ -74,9 +75,17 @@ def begin_loading(program: str) -> None:
     _handle(partial(_quit, program))
 
 
-def is_program() -> bool:
-    """Return whether Python runs ``chmarl-pb``, or just imports the packages of the module that ``python -m`` names."""
-    return sys.argv[:1] == ["-m"] or Path(*sys.argv[:1]).stem == "chmarl-pb"
+def is_program(package: str) -> bool:
+    """Return whether Python runs ``chmarl-pb``, or just imports a package for ``python -m`` one of its modules.
+
+    Processes that it starts to help have the arguments of their own start, by which they are none.
+    """
+    words = sys.orig_argv[1:]
+    if sys.argv[:1] == ["-m"]:  # as long as it imports the packages of the module
+        named = dropwhile(lambda word: not word.startswith("-m"), words)
+        module = next(named, "").removeprefix("-m") or next(named, "")
+        return module.partition(".")[0] == package
+    return Path(*words[:1]).stem == "chmarl-pb"
 
 
 def ended_by(number: int) -> str:

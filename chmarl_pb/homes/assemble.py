@@ -110,7 +110,7 @@ def _differs(path: Path, content: bytes) -> bool:
 def _is_built(path: Path) -> bool:
     """Return whether a URDF has the lines that :func:`write_home` writes, and all of its joints."""
     try:
-        text = read_regular(path).decode()
+        text = read_regular(path).decode().replace("\r\n", "\n")  # as a checkout on Windows may have it
     except ValueError:
         return False
     joints = len(_FIXED.findall(text))

@@ -162,7 +162,7 @@ def find_policy(policy: str | os.PathLike[str] | Factory | Policy) -> Source:
             "a checkpoint's path"
         )
     factory = imported(policy, "policy")
-    told = partial(_own_hash, factory) if _is_code(factory) else None
+    told = partial(fingerprint, factory) if _is_code(factory) and not _has_fingerprint(factory) else None
     return Source(policy, factory, **_declared(factory, _own_hash(factory)), told=told)
 
 
@@ -207,8 +207,11 @@ def _declared(made_by: object, sha256: str | None) -> dict[str, Any]:
 
 def _own_hash(made_by: object) -> str | None:
     """Return what tells a policy of the user's, or what makes it, apart."""
-    declared = getattr(made_by, "fingerprint", None)
-    return declared if isinstance(declared, str) else fingerprint(made_by)
+    return made_by.fingerprint if _has_fingerprint(made_by) else fingerprint(made_by)  # type: ignore[attr-defined]
+
+
+def _has_fingerprint(made_by: object) -> bool:
+    return isinstance(getattr(made_by, "fingerprint", None), str)
 
 
 def _is_code(made_by: object) -> bool:

@@ -82,7 +82,7 @@ class Slow:
 sys.meta_path.insert(0, Slow())
 """
 
-SCRIPT = "import sys; sys.argv[0] = 'bin/chmarl-pb'; from chmarl_pb.cli import main; sys.exit(main())"
+SCRIPT = "import sys; from chmarl_pb.cli import main; sys.exit(main())"  # as pip writes it
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
@@ -91,8 +91,8 @@ SCRIPT = "import sys; sys.argv[0] = 'bin/chmarl-pb'; from chmarl_pb.cli import m
     [
         ("gymnasium", ["-m", "chmarl_pb", "homes", "list"]),
         ("chmarl_pb.cli.arguments", ["-m", "chmarl_pb.cli", "homes", "list"]),
-        ("gymnasium", ["-c", SCRIPT, "homes", "list"]),
-        ("chmarl_pb.cli.homes", ["-c", SCRIPT, "homes", "list"]),
+        ("gymnasium", ["chmarl-pb", "homes", "list"]),
+        ("chmarl_pb.cli.homes", ["chmarl-pb", "homes", "list"]),
         ("torch", ["-m", "training.train", "--algo", "qmix"]),
         ("stable_baselines3", ["-m", "training.sb3", "--algo", "ppo"]),
         ("torch", ["-m", "training.table", "--show"]),
@@ -104,6 +104,7 @@ def test_an_interrupt_is_one_line_though_modules_are_still_imported(
     module: str, words: list[str], number: signal.Signals, tmp_path: Path
 ) -> None:
     (tmp_path / "sitecustomize.py").write_text(SLOW)
+    (tmp_path / "chmarl-pb").write_text(SCRIPT)
     paths = os.pathsep.join([str(tmp_path), str(ROOT)])
     process = subprocess.Popen(
         [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
@@ -115,6 +116,21 @@ def test_an_interrupt_is_one_line_though_modules_are_still_imported(
     lines = [line for line in said.splitlines() if not line.endswith("loading PyTorch")]
     assert process.returncode == 128 + number and len(lines) == 1, said
     assert ("interrupted" if number == signal.SIGINT else "ended by SIGTERM") in lines[0]
+
+
+def test_programs_of_others_handle_their_interrupts_themselves(tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(SLOW)
+    package = tmp_path / "mine"
+    package.mkdir()
+    (package / "__init__.py").write_text("try: import chmarl_pb\nexcept KeyboardInterrupt: print('mine', flush=True)\n")
+    (package / "run.py").write_text("print('goes on')\n")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mine.run"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)]), "SLOW_MODULE": "gymnasium"},
+    )  # fmt: skip
+    assert process.stdout and process.stdout.readline() == "importing\n"
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=60) == ("mine\ngoes on\n", "")
 
 
 def test_what_a_library_makes_of_an_interrupt_is_an_interrupt() -> None:

@@ -1,4 +1,5 @@
 import json
+import os
 import re
 import threading
 import warnings
@@ -257,6 +258,19 @@ def test_own_code_that_changes_while_it_is_evaluated_is_refused(
 
     with pytest.raises(OptionError, match="changing_policy:mine: changed while it was evaluated"):
         evaluate("changing_policy:mine", tasks=TASKS, seeds=[0], workers=1, max_steps=2, progress=changed)
+
+
+def test_a_fingerprint_that_differs_in_each_process_is_the_users_affair(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own_fingerprint.py").write_text(
+        "import os\nfrom chmarl_pb.policies.registry import make_policy\ndef mine(env):\n"
+        "    return make_policy('search', env)\nmine.fingerprint = f'process {os.getpid()}'\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    report = evaluate("own_fingerprint:mine", tasks=TASKS, seeds=[0], workers=2, max_steps=2)
+    assert report.settings["policy_sha256"] == f"process {os.getpid()}"
 
 
 def noting(make: Callable[[HouseholdEnv], Policy]) -> Callable[[HouseholdEnv], Policy]:

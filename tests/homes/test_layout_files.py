@@ -173,6 +173,8 @@ def test_a_home_by_hand_is_not_built_over(text: str, tmp_path: Path, capsys: pyt
     assert main(["homes", "build", str(layout), "--out", str(home)]) == 0
     layout.write_text(layout.read_text().replace("stove_gas", "stove_electric"))
     assert main(["homes", "build", str(layout)]) == 0, "it has been built by now"
+    home.write_bytes(home.read_bytes().replace(b"\n", b"\r\n"))
+    assert main(["homes", "build", str(layout)]) == 0, "as a checkout on Windows has it"
     home.write_text(home.read_text().replace("</robot>", "  <!-- mine -->\n</robot>"))
     assert main(["homes", "build", str(layout)]) == 2
 

@@ -10,8 +10,9 @@ import sys
 from itertools import pairwise
 from pathlib import Path
 
-from chmarl_pb.errors import ChmarlError, OptionError
+from chmarl_pb.errors import OptionError
 from chmarl_pb.files import replacing
+from chmarl_pb.learning.runs.interrupts import run_command
 from chmarl_pb.ray_executor import RayExecutor
 from training.tables.runs import python
 
@@ -23,15 +24,15 @@ Job = tuple[list[str], Files]
 
 
 def main() -> int:
+    """Run the command; return its exit code."""
+    return run_command(lambda: _run(*sys.argv[1:]))
+
+
+def _run(address: str, *command: str) -> int:
     """Run a step on the cluster, print what it prints, and write what it writes; return its exit code."""
-    address, *command = sys.argv[1:]
-    try:
-        folders = [Path(value) for name, value in pairwise(command) if name in _TO_SEND]
-        with RayExecutor(address, _NEEDS) as executor:
-            ((code, printed, files),) = executor.map(_do, [(command, files_of(folders))])
-    except ChmarlError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    folders = [Path(value) for name, value in pairwise(command) if name in _TO_SEND]
+    with RayExecutor(address, _NEEDS) as executor:
+        ((code, printed, files),) = executor.map(_do, [(list(command), files_of(folders))])
     for path in sorted(files, key=lambda path: path.stem == "best"):  # a run without its last checkpoint cannot go on
         content = files[path]
         with replacing(path) as temporary:

@@ -41,14 +41,21 @@ def check_alike(spaces: Sequence[Spaces]) -> None:
     Raises:
         OptionError: an environment has others than the first; it names the key where they differ.
     """
+    first = _named(spaces[0][0])
     for number, (observations, actions) in enumerate(spaces):
-        if actions != spaces[0][1]:
+        if not _are_equal(actions, spaces[0][1]):
             raise OptionError(f"environment {number} has the actions {actions}, environment 0 {spaces[0][1]}; {_ALIKE}")
-        if observations != spaces[0][0]:
-            first, own = _named(spaces[0][0]), _named(observations)
-            key = next(key for key in (*first, *own) if first.get(key) != own.get(key))
+        own = _named(observations)
+        for key in (key for key in (*first, *own) if not _are_equal(first.get(key), own.get(key))):
             where = f"key {key!r}: {own.get(key)} in environment {number}, {first.get(key)} in environment 0"
             raise OptionError(f"environments observe unlike things, {where}; {_ALIKE}")
+
+
+def _are_equal(one: Space[Any] | None, other: Space[Any] | None) -> bool:
+    """Return whether two spaces are equal; of a kind of the user's that does not say so, whether their arrays are."""
+    if one is None or other is None or type(one).__eq__ is not object.__eq__:
+        return one == other
+    return type(one) is type(other) and (one.shape, one.dtype) == (other.shape, other.dtype)
 
 
 class Memory:

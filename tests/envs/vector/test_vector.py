@@ -109,6 +109,31 @@ def paired_toy() -> gymnasium.Env:
     return env
 
 
+class OwnSpace(gymnasium.Space[np.ndarray]):
+    """Two numbers; it does not say when two such spaces are equal."""
+
+    def __init__(self) -> None:
+        super().__init__((2,), np.float32)
+
+
+def own_toy() -> gymnasium.Env:
+    env = gymnasium.wrappers.TransformObservation(flat_toy(), lambda values: np.zeros(2, np.float32), OwnSpace())
+    env.observation_space = OwnSpace()
+    return env
+
+
+@EVERYWHERE
+def test_spaces_of_ones_own_need_no_equality(workers: int) -> None:
+    with closing(vector_env(COUNT, own_toy, workers)):
+        pass
+
+
+def test_plain_observations_of_one_vector_are_alike() -> None:
+    some = iter((flat_toy(), own_toy()))
+    with pytest.raises(OptionError, match=r"environments observe unlike things, key '': .* in environment 1"):
+        vector_env(2, lambda: next(some), 0)
+
+
 def test_environments_of_one_vector_are_alike() -> None:
     some = iter((ToyEnv(), tame_toy(), ToyEnv()))
     with pytest.raises(OptionError, match=r"environment 1 has the actions MultiDiscrete\(\[3 2\]\)"):
