@@ -29,11 +29,6 @@ class Signature:
     render_mode: str | None
     max_episode_steps: int | None
 
-    @property
-    def spaces(self) -> Spaces:
-        """What it observes, and its actions."""
-        return self.observation_space, self.action_space
-
 
 def check_alike(spaces: Sequence[Spaces]) -> None:
     """Compare the spaces of the environments of a vector, in their order.
