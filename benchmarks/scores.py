@@ -63,7 +63,7 @@ class Scores:
     """Plays policies by the rules that their weights were trained by, and prints and keeps a row for each."""
 
     def __init__(self, first: str, chosen: argparse.Namespace):
-        """Print the head of the table.
+        """Begin a table, whose head is printed with its first row.
 
         Args:
             first: head of its first column.
@@ -76,7 +76,7 @@ class Scores:
         self.splits: Sequence[str] = chosen.split or SPLITS[:1]
         self._chosen, self._rows, self._counted = chosen, list[dict[str, Any]](), dict[str, list[dict[str, Any]]]()
         head = ("split", "tasks", "success %", "PLW %", "picks %", "places %")
-        print(f"| {first} | {' | '.join(head)} |", f"|---|---|{'--:|' * 5}", sep="\n", flush=True)
+        self._head = f"| {first} | {' | '.join(head)} |\n|---|---|{'--:|' * 5}"
 
     def play(self, name: str, policies: Any, split: str) -> None:
         """Play the tasks of a split, and add a row.
@@ -95,7 +95,8 @@ class Scores:
         summary, shares = report.summary, report.recognition.figures()
         cells = [percent(summary.success_rate), percent(summary.plw)]
         cells += [f"{100 * shares[key]:.0f}" if key in shares else "" for key in ("pick_share", "place_share")]
-        print(f"| {name} | {split} | {len(tasks)} | {' | '.join(cells)} |", flush=True)
+        lines = [] if self._rows else [self._head]
+        print(*lines, f"| {name} | {split} | {len(tasks)} | {' | '.join(cells)} |", sep="\n", flush=True)
         means = {"success_rate": summary.success_rate.mean, "plw": summary.plw.mean}
         self._rows.append({"row": name, "split": split, "tasks": len(tasks), **means, **shares})
         self._keep()

@@ -62,6 +62,7 @@ class Helped:
 
     Attributes:
         counts: of the steps of each part and kind of proposal, and whether the same was done.
+        taken: for each step of the last episode robot -> number of the action that it did, and of the proposed one.
     """
 
     def __init__(self, inner: Any, env: Any, expert: Expert, told: Sequence[Part]):
@@ -77,15 +78,19 @@ class Helped:
         self._expert = PartlyTold(expert, told)
         self._batched.acting = Explorer(self._batched.agents, obeying, np.random.default_rng(0), [self._expert])
         self.counts: Counts = Counter()
+        self.taken = list[dict[str, tuple[int, int]]]()
 
     def reset(self, seed: int | None) -> None:
         """Begin an episode."""
         self._batched.reset([seed])
+        self.taken = []
 
     def act(self, observations: Observations, infos: Infos) -> Actions:
         """Return the robots' actions."""
         actions: Actions = self._batched.act([0], [observations], [infos])[0]
-        for name, proposed in self._expert.proposed.items():
+        proposals = self._expert.proposed
+        self.taken.append({name: (int(np.ravel(actions[name])[0]), int(row[0])) for name, row in proposals.items()})
+        for name, proposed in proposals.items():
             for number, (own, best) in enumerate(zip(np.ravel(actions[name]), proposed, strict=False)):
                 kind = "a word" if number and best else "silence" if number else _kind(self._names[name][best])
                 self.counts[name, kind, bool(own == best)] += 1

@@ -123,7 +123,7 @@ class Play:
 #: Settings that both trainings of dagger-mappo have from the second.
 _SAME = (
     "seed", "workers", "horizon", "features", "hidden", "layer_norm", "encoder", "image_encoder", "graph_pool",
-    "word_vectors", "numbers_past", "cells_past", "history_past", "grounding_coef",
+    "word_vectors", "numbers_past", "cells_past", "history_past", "looks_past", "grounding_coef",
 )  # fmt: skip
 
 

@@ -120,6 +120,8 @@ class RunConfig:
             parsed pool.
         history_past: whether the most that each of these numbers, and of the agent's own actions, has been so far in
             the episode also goes past it.
+        looks_past: whether the headings in which the robot has looked so far, as they are from its present one in its
+            present room, also go past it, with the first of them and the share of each room's.
         grounding_coef: weight of the loss that teaches which classes the instruction calls X and Y; see
             :mod:`chmarl_pb.learning.networks.match`.
         home_rollouts: rollouts in a row that an environment stays in one of endless homes, at most as many as it says.
@@ -153,6 +155,7 @@ class RunConfig:
     numbers_past: bool = False
     cells_past: bool = False
     history_past: bool = False
+    looks_past: bool = False
     grounding_coef: float = amount(0.0)
     home_rollouts: int = count(100)
     validation_interval: int = count(1_000)

@@ -16,6 +16,7 @@ POOL = "mean"  # of graphs, in runs from before this was a setting
 #: What learners did before they had these settings.
 _BEFORE = {
     "graph_pool": POOL, "word_vectors": False, "numbers_past": False, "cells_past": False, "history_past": False,
+    "looks_past": False, "greedy_share": 0.0,
     "grounding_coef": 0.0, "home_rollouts": 100, "anneal": 0.0, "split": "train", "preset": "encoder",
     "robots": "humanoid,drone", "catalog_sha256": "", "encoder": "household", "mixer": "", "tau": 1.0, "td_lambda": 0.0,
     "layer_norm": False, "normalize_values": False, "standardize_state": False, "standardize_rewards": False,

@@ -3,7 +3,7 @@
 from chmarl_pb.envs.tracks import GROUNDED
 from chmarl_pb.evaluation import paper
 from training.tables.grounded_rows import grounded_rows
-from training.tables.row import GROUNDED_ENCODER, LIMITED, LIMITED_DATA, LONGER, PARSED_ENCODER, SEEDS, Row
+from training.tables.row import GROUNDED_ENCODER, LIMITED, LIMITED_DATA, LONGER, PARSED_ENCODER, SEEDS, WITH_MEMORY, Row
 from training.tables.sb3_rows import BASELINES
 
 #: Rows of the paper's ablation of feedback, which have three trainings on pictures, too.
@@ -74,6 +74,14 @@ def _told(observation: str) -> Row:
     return _imitator(observation, ", generated homes, words parsed", "--split", "generated", reading=PARSED_ENCODER)
 
 
+def _with_memory(observation: str) -> tuple[Row, ...]:
+    """Return both, remembering more, and trained to play as they are evaluated."""
+    return tuple(
+        _imitator(observation, f", generated homes{words}, memory", "--split", "generated", *WITH_MEMORY, reading=how)
+        for words, how in (("", GROUNDED_ENCODER), (", words parsed", PARSED_ENCODER))
+    )
+
+
 def _longer(observation: str) -> tuple[Row, ...]:
     """Return the paper's learners, with its encoder and messages, stronger settings and more episodes."""
     return tuple(
@@ -122,6 +130,7 @@ OURS: tuple[Row, ...] = (
         "visual", ", generated homes, ResNet-18", "--split", "generated", reading=_READING, eyes="resnet18", seeds=2
     ),
     *map(_told, SEEDS),
+    *(row for observation in SEEDS for row in _with_memory(observation)),
     _imitator("scene_graph", ", generated homes, longer", "--split", "generated", *_MORE),
     *BASELINES,
 )

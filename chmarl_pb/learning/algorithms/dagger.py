@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from chmarl_pb.learning.algorithms.gradient import add_grounding, descend
 from chmarl_pb.learning.algorithms.losses import unroll
 from chmarl_pb.learning.algorithms.on_policy import set_learning_rates
+from chmarl_pb.learning.components import best_action
 from chmarl_pb.learning.config import RunConfig, amount, count, natural, share
 from chmarl_pb.learning.networks.agents import make_agents
 from chmarl_pb.learning.rollouts.batch import Batch
@@ -42,6 +43,8 @@ class DAggerConfig(RunConfig):
             which knows the world and never has to look for things; ``train`` writes down here what it is given.
         gradient_steps: after each rollout.
         beta: share of the actions that the expert takes at first; it falls linearly to 0 in the first half.
+        greedy_share: share of the rollouts in which the learner's own actions are its best ones, as in evaluation,
+            where it may repeat itself for ever; in the others they are drawn by its probabilities.
         anneal: share of the episodes, the last ones, in which the learning rate falls linearly, to 0 after the last
             gradient step; 0: it stays as it is.
     """
@@ -52,11 +55,17 @@ class DAggerConfig(RunConfig):
     expert: str = "belief"
     gradient_steps: int = natural(4)
     beta: float = share(1.0)
+    greedy_share: float = share(0.0)
     anneal: float = share(0.0)
 
     def expert_share(self, episodes: int) -> float:
         """Return the share of actions that the expert takes after a number of episodes."""
         return self.beta * max(1 - 2 * episodes / self.episodes, 0.0)
+
+    def is_greedy(self, episodes: int) -> bool:
+        """Return whether the learner's own actions of the next rollout are its best ones."""
+        rollout = episodes // self.envs
+        return int((rollout + 1) * self.greedy_share) > int(rollout * self.greedy_share)
 
     def rate_share(self, episodes: int) -> float:
         """Return the share of the learning rate that is left when a number of episodes were learned from before."""
@@ -88,7 +97,7 @@ class DAgger:
 
     def choose(self, episodes: int) -> Choose:
         """Return how to act after a number of episodes: a share of the actions is the expert's, others are drawn."""
-        return expert_mixture(self.config.expert_share(episodes))
+        return expert_mixture(self.config.expert_share(episodes), self.config.is_greedy(episodes))
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that follow a rollout of episodes."""
@@ -143,11 +152,11 @@ def _cross_entropy(logits: Tensor, labels: Tensor) -> Tensor:
     return nn.functional.cross_entropy(logits[labelled], labels[labelled])
 
 
-def expert_mixture(expert_share: float) -> Choose:
+def expert_mixture(expert_share: float, greedy: bool = False) -> Choose:
     """Return how to act: as the expert says in a share of the steps, else by the networks' probabilities."""
 
     def choose(values: Tensor, action_mask: Tensor, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        own = draw(values, action_mask, rng)
+        own = best_action(values, action_mask).numpy() if greedy else draw(values, action_mask, rng)
         follows = rng.random((len(own), 1)) < expert_share  # in all components of an action
         return np.where(follows & (labels != NO_LABEL), labels, own)
 

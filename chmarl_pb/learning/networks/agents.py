@@ -11,6 +11,7 @@ from chmarl_pb.learning.components import Counts, apart, of_each, one_hot
 from chmarl_pb.learning.config import RunConfig
 from chmarl_pb.learning.lookup import make_network
 from chmarl_pb.learning.networks.encoders import ENCODERS, build_encoder, check_found
+from chmarl_pb.learning.networks.looks import Looks
 from chmarl_pb.learning.spaces import Tree, tree_map
 
 NO_ACTION = -1  # last action at the first step
@@ -23,18 +24,19 @@ class Agent(nn.Module):
 
     Numbers that go past the encoder are read by the GRU and by the last layer. With ``history_past`` so is the most
     that each of them, and of the agent's own actions, has been so far in the episode: what has been heard, said, seen
-    and tried, which a GRU would have to learn to keep.
+    and tried, which a GRU would have to learn to keep. With ``looks_past`` so is where the agent has looked.
 
     Attributes:
         actions: their number, or that of the values of their components.
         past: numbers that go past the encoder.
-        state_size: numbers of the state that the agent keeps from step to step, that of the GRU and the history.
+        looks: remembers where the agent has looked; None: nothing does.
+        state_size: numbers of the state that the agent keeps from step to step: the GRU's, history and looks.
     """
 
     def __init__(self, space: spaces.Space[Any], actions: Counts, config: RunConfig):
         """Make the layers for an observation space and a number of actions, or of the values of their components."""
         super().__init__()
-        self.actions, self._hidden = actions, config.hidden
+        self.actions = actions
         given = (space, config.features, config.image_encoder, config.graph_pool)
         self.encoder = make_network("encoder", config.encoder, ENCODERS, *given, named=asked_of_encoder(config))
         if config.grounding_coef > 0 and not hasattr(self.encoder, "grounding_loss"):
@@ -44,12 +46,15 @@ class Agent(nn.Module):
             )
         self.past = int(getattr(self.encoder, "past", 0))
         outputs = sum(of_each(actions))
-        self._history = self.past + outputs if config.history_past else 0
-        self.state_size = config.hidden + self._history
+        self.looks = Looks(space) if config.looks_past else None
+        history = self.past + outputs if config.history_past else 0
+        told, looked = (self.looks.size, self.looks.state_size) if self.looks else (0, 0)
+        self._kept = config.hidden, history, looked
+        self.state_size = sum(self._kept)
         self._encoded = config.features + self.past
-        read = config.features + self.past + self._history
+        read = self._encoded + history + told
         self.memory = nn.GRU(read + outputs, config.hidden, batch_first=True)
-        self.head = nn.Linear(config.hidden + self.past + self._history, outputs)
+        self.head = nn.Linear(config.hidden + self.past + history + told, outputs)
         sizes = (read, config.hidden) if config.layer_norm else ()
         self.norms = nn.ModuleList(nn.LayerNorm(size) for size in sizes)
 
@@ -66,18 +71,21 @@ class Agent(nn.Module):
         """
         features = self._encode(observation, real).unflatten(0, last_action.shape[:2])
         acted = one_hot(last_action, self.actions).to(features.dtype)
-        before = (None, None) if hidden is None else hidden.split((self._hidden, self._history), dim=-1)
-        numbers = features[..., features.shape[-1] - self.past :]
-        if self._history:
-            history = _most_so_far(torch.cat([numbers, acted], dim=-1), before[1])
-            features, numbers = torch.cat([features, history], dim=-1), torch.cat([numbers, history], dim=-1)
+        memory, most, looked = (None, None, None) if hidden is None else hidden.split(self._kept, dim=-1)
+        numbers, told, kept = features[..., features.shape[-1] - self.past :], list[Tensor](), list[Tensor]()
+        if self._kept[1]:
+            history = _most_so_far(torch.cat([numbers, acted], dim=-1), most)
+            told, kept = [history], [history]
+        if self.looks:
+            seen, looks = self.looks(cast(Mapping[str, Tensor], observation), None if looked is None else looked[0])
+            told, kept = [*told, seen], [*kept, looks]
+        features, numbers = (torch.cat([part, *told], dim=-1) for part in (features, numbers))
         features = self.norms[0](features) if self.norms else features
-        memory = None if before[0] is None else before[0].contiguous()  # a part of the state, which cuDNN takes only so
+        memory = None if memory is None else memory.contiguous()  # a part of the state, which cuDNN takes only so
         histories, state = self.memory(torch.cat([features, acted], dim=-1), memory)
         read = self.norms[1](histories) if self.norms else histories
         outputs = self.head(torch.cat([read, numbers], dim=-1))
-        if self._history:
-            state = torch.cat([state, history[:, -1].unsqueeze(0)], dim=-1)
+        state = torch.cat([state, *(part[:, -1].unsqueeze(0) for part in kept)], dim=-1)
         return apart(outputs, self.actions), histories, state
 
     def _encode(self, observation: Tree, real: Tensor | None) -> Tensor:
