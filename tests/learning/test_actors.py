@@ -95,6 +95,20 @@ def test_actions_are_drawn_with_the_networks_probabilities_among_the_legal() -> 
     assert [counts[action] / 20_000 for action in range(3)] == pytest.approx(wanted, abs=0.01) and 3 not in counts
 
 
+def test_a_share_of_the_rollouts_is_played_as_in_evaluation() -> None:
+    config = replace(IMITATION, envs=4, greedy_share=0.5)
+    assert [config.is_greedy(4 * rollout) for rollout in range(6)] == [False, True] * 3
+    assert sum(replace(config, greedy_share=0.3).is_greedy(4 * rollout) for rollout in range(100)) == 30
+    assert not any(replace(config, greedy_share=0.0).is_greedy(4 * rollout) for rollout in range(100))
+    values = torch.tensor([[[0.0, 1.0, 0.9, 9.0]]]).expand(50, 1, 4)
+    action_mask = torch.tensor([[[True, True, True, False]]]).expand(50, 1, 4)
+    silent, rng = np.full((50, 1), NO_LABEL), np.random.default_rng(0)
+    assert set(expert_mixture(0.0, greedy=True)(values, action_mask, silent, rng).ravel()) == {1}
+    assert set(expert_mixture(0.0)(values, action_mask, silent, rng).ravel()) == {0, 1, 2}
+    told = expert_mixture(0.5, greedy=True)(values, action_mask, np.full((50, 1), 2), rng)
+    assert set(told.ravel()) == {1, 2}
+
+
 def test_mappo_learns_games_of_one_and_of_two_steps() -> None:
     config = replace(
         MAPPO, episodes=2_000, envs=32, buffer_size=32, batch_size=32, learning_rate=0.01, critic_learning_rate=0.02,
