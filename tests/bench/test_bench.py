@@ -4,8 +4,6 @@ import argparse
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,7 +12,6 @@ from chmarl_pb.bench import figures
 from chmarl_pb.bench.figures import FIGURES, Figure, chosen, measure
 from chmarl_pb.bench.fresh import samples
 from chmarl_pb.bench.playing import Effort, Samples, per_second, scouted_poses, tasks_to_play
-from chmarl_pb.bench.vectors import beside_gymnasium, processes
 from chmarl_pb.cli import main
 from chmarl_pb.cli.bench import readable, run
 from chmarl_pb.cli.program import parser_of
@@ -46,8 +43,6 @@ def test_figure_is_measured(figure: Figure, monkeypatch: pytest.MonkeyPatch) -> 
         return samples(name, *FEW.get(name, rest), keep=keep)
 
     monkeypatch.setattr(figures, "samples", few)
-    if isinstance(figure.measure, partial) and figure.measure.func in (processes, beside_gymnasium):
-        figure = replace(figure, measure=partial(figure.measure, count=2))
     rows = list(measure(figure, TINY))
     assert rows
     for row in rows:

@@ -40,8 +40,10 @@ def test_what_the_expert_would_is_what_differs() -> None:
 
 def test_every_episode_is_counted() -> None:
     env = HouseholdEnv(split="val-unseen", messages=True, feedback=True)
-    helped = Helper(Path("results/weights/ours-graphs-parsed.pt"), "belief", ())(env)
+    helper = Helper(Path("results/weights/ours-graphs-parsed.pt"), "belief", ())
+    helped = helper(env)
     found = endings(env, helped, "val-unseen", 25, "")
     assert found.total() == 2
-    assert len(helped.taken) >= 1 and set(helped.taken[0]) == {"humanoid", "drone"}
+    (made,) = helper.made
+    assert made.taken and set(made.taken[0]) == {"humanoid", "drone"}
     env.close()

@@ -38,6 +38,8 @@ class Line:
     before: int
 
 
+_MEMORY = "it is told where it has looked and what it did; half of the rollouts are played as in evaluation"
+
 LINES = (
     Line("scene-graph", "BC decentralized + messages", "clones of the planner, mean pool", 0),
     Line("scene-graph", "BC decentralized + messages, grounded", "the encoder that ties words to things", 1),
@@ -55,6 +57,9 @@ LINES = (
         "pictures by ResNet-18, to which nothing ties words", 7,
     ),
     Line("visual", "Imitation of belief, generated homes", "our detector, and words tied to what it finds", 9),
+    Line("scene-graph", "Imitation of belief, generated homes, memory", _MEMORY, 7),
+    Line("scene-graph", "Imitation of belief, generated homes, words parsed, memory", _MEMORY, 8),
+    Line("visual", "Imitation of belief, generated homes, memory", _MEMORY, 10),
 )  # fmt: skip
 
 

@@ -74,12 +74,10 @@ def _told(observation: str) -> Row:
     return _imitator(observation, ", generated homes, words parsed", "--split", "generated", reading=PARSED_ENCODER)
 
 
-def _with_memory(observation: str) -> tuple[Row, ...]:
-    """Return both, remembering more, and trained to play as they are evaluated."""
-    return tuple(
-        _imitator(observation, f", generated homes{words}, memory", "--split", "generated", *WITH_MEMORY, reading=how)
-        for words, how in (("", GROUNDED_ENCODER), (", words parsed", PARSED_ENCODER))
-    )
+def _with_memory(observation: str, words: str = "", reading: tuple[str, ...] = GROUNDED_ENCODER) -> Row:
+    """Return one of both, remembering more, and trained to play as it is evaluated."""
+    homes, seeds = f", generated homes{words}, memory", SEEDS[observation]
+    return _imitator(observation, homes, "--split", "generated", *WITH_MEMORY, reading=reading, seeds=seeds)
 
 
 def _longer(observation: str) -> tuple[Row, ...]:
@@ -130,7 +128,8 @@ OURS: tuple[Row, ...] = (
         "visual", ", generated homes, ResNet-18", "--split", "generated", reading=_READING, eyes="resnet18", seeds=2
     ),
     *map(_told, SEEDS),
-    *(row for observation in SEEDS for row in _with_memory(observation)),
+    *map(_with_memory, SEEDS),
+    _with_memory("scene_graph", ", words parsed", PARSED_ENCODER),
     _imitator("scene_graph", ", generated homes, longer", "--split", "generated", *_MORE),
     *BASELINES,
 )
