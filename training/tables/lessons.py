@@ -195,7 +195,7 @@ def _draw(records: Records, folder: Path) -> list[str]:
         return []
     with matplotlib.rc_context(STYLE):
         height = 1.0 + _BAR * max(map(len, known.values()))
-        figure = Figure(figsize=(10.5, height), layout="constrained")
+        figure = Figure(figsize=(12, height), layout="constrained")
         for axes, (table, rows) in zip(figure.subplots(1, len(known)), known.items(), strict=True):
             scores = {row.name: [100 * one for one in values(runs_of(row, records), "plw", HEADLINE)] for row in rows}
             names = sorted(scores, key=lambda name: fmean(scores[name]))
