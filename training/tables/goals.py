@@ -27,7 +27,10 @@ _EYES = (
     "objects that the detector misses, on `ours-pictures` 7 points of PLW in home 6, and what imitators on graphs "
     "lack, too ([measured](training_findings.md#what-pictures-lose)); its teacher has {belief}"
 )
-_SILENT = "in part its teacher, which has {belief}; it lacks {lag} of that, with and without feedback"
+_SILENT = (
+    "in part its teacher, which has {belief}; it lacks {lag} of that, with and without feedback, by tasks that it "
+    "fails ([measured](training_findings.md#why-it-stops-short))"
+)
 _SILENT_READING = (
     "in part its teacher, which has {belief}; it lacks {lag} of that, and 0 to 2 points less with feedback "
     "([below](#without-feedback-at-test))"
