@@ -58,7 +58,7 @@ def endings(env: Any, helped: Any, split: str, thin: int, label: str) -> Counter
                 found["solved", "", ""] += 1
                 continue
             own, proposed = ([actions[row[name][side]] for row in helped.taken] for side in (0, 1))
-            held = "X held" if env.unwrapped.outcome.held else "X not held"
+            held = "held" if env.unwrapped.outcome.held else "not held"
             found[held, ending(own), wish(proposed, own)] += 1
     return found
 
@@ -79,7 +79,7 @@ def _play(chosen: argparse.Namespace) -> None:
             found = endings(env, helped, split, chosen.thin, split)
         total = found.total()
         rows = [
-            {"": held, "in its last steps": how, "the expert would": want, "episodes": count, "of": total}
+            {"X": held, "in its last steps": how, "the expert would": want, "episodes": count, "of": total}
             for (held, how, want), count in found.most_common()
         ]
         scores.count(split, rows)

@@ -56,7 +56,7 @@ def test_step_by_step_is_as_all_at_once(views: Views, data: st.DataObject) -> No
         torch.testing.assert_close(values, together[:, step])
 
 
-def test_all_robots_of_the_benchmark_turn_by_a_step_of_headings() -> None:
+def test_the_humanoid_turns_by_a_step_of_headings() -> None:
     env = chmarl_pb.parallel_env(split="val-unseen")
     space = env.observation_space("humanoid")
     observations, _ = env.reset(seed=0)

@@ -31,6 +31,8 @@ _OURS = {
     "Imitation of belief": "#000000",
     "Imitation of belief, then MAPPO": "#d4a017", "Imitation of search, then MAPPO": _OTHER,
     "Imitation of search": "#a65628", "Imitation of planner": "#9ecae1",
+    "Imitation of belief, generated homes, memory": "#ff4fa3",
+    "Imitation of belief, generated homes, words parsed, memory": "#00b0ff",
     "Imitation of belief, generated homes, ResNet-18": "#ff9da7",
     "QMIX + messages, grounded": "#00897b", "QMIX + messages, grounded, generated homes": "#00897b",
     "QMIX, grounded": "#00897b",

@@ -79,13 +79,15 @@ class Agent(nn.Module):
         if self.looks:
             seen, looks = self.looks(cast(Mapping[str, Tensor], observation), None if looked is None else looked[0])
             told, kept = [*told, seen], [*kept, looks]
-        features, numbers = (torch.cat([part, *told], dim=-1) for part in (features, numbers))
+        if told:
+            features, numbers = (torch.cat([part, *told], dim=-1) for part in (features, numbers))
         features = self.norms[0](features) if self.norms else features
         memory = None if memory is None else memory.contiguous()  # a part of the state, which cuDNN takes only so
         histories, state = self.memory(torch.cat([features, acted], dim=-1), memory)
         read = self.norms[1](histories) if self.norms else histories
         outputs = self.head(torch.cat([read, numbers], dim=-1))
-        state = torch.cat([state, *(part[:, -1].unsqueeze(0) for part in kept)], dim=-1)
+        if kept:
+            state = torch.cat([state, *(part[:, -1].unsqueeze(0) for part in kept)], dim=-1)
         return apart(outputs, self.actions), histories, state
 
     def _encode(self, observation: Tree, real: Tensor | None) -> Tensor:

@@ -19,8 +19,8 @@ class Looks(nn.Module):
     Attributes:
         state_size: numbers that are kept from step to step.
         size: numbers that are told: for each own state in the observation, of the robot's present room whether it has
-            looked in each of the headings, counted to the left from its present one, and of each room the share of the
-            headings.
+            looked in each of the headings, counted to the left from its present one, and which of them was the first;
+            of each room the share of the headings.
     """
 
     def __init__(self, space: spaces.Space[Any]):

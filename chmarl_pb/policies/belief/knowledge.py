@@ -153,6 +153,7 @@ class Knowledge:
         fit, keys = np.exp(-self._misfit), homes * rooms + layouts
         sums, counts = (np.bincount(keys, weights, count * rooms) for weights in (fit, None))
         odds = np.log(np.maximum(sums, 1e-300) / np.maximum(counts, 1)).reshape(count, rooms).sum(axis=1)
+        # Where no home of training is known, there are no such odds.
         odds[1:] = odds[1:] * _EXACT + np.log(_TRAINED / (1 - _TRAINED) / max(count - 1, 1))
         chances = np.exp(odds - odds.max())[homes] * fit / sums[keys]
         fitting: NDArray[np.float64] = chances * (np.bincount(layouts) / np.bincount(layouts, chances))[layouts]
