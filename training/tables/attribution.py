@@ -40,6 +40,12 @@ class Line:
 
 _MEMORY = "it is told where it has looked and what it did; half of the rollouts are played as in evaluation"
 
+_PARTS = {
+    "looks": "it is told where it has looked, and nothing else of these",
+    "history": "it is told what it did, and nothing else",
+    "greedy rollouts": "half of the rollouts are played as in evaluation, and nothing else",
+}
+
 LINES = (
     Line("scene-graph", "BC decentralized + messages", "clones of the planner, mean pool", 0),
     Line("scene-graph", "BC decentralized + messages, grounded", "the encoder that ties words to things", 1),
@@ -60,6 +66,10 @@ LINES = (
     Line("scene-graph", "Imitation of belief, generated homes, memory", _MEMORY, 7),
     Line("scene-graph", "Imitation of belief, generated homes, words parsed, memory", _MEMORY, 8),
     Line("visual", "Imitation of belief, generated homes, memory", _MEMORY, 10),
+    *(
+        Line("scene-graph", f"Imitation of belief, generated homes, words parsed, {part}", change, 8)
+        for part, change in _PARTS.items()
+    ),
 )  # fmt: skip
 
 

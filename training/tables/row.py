@@ -119,9 +119,9 @@ GROUNDED_ENCODER = ("--graph-pool", "grounded", "--word-vectors", "--grounding-c
 #: The same, but instructions are read by the rule that the belief search, too, reads them by.
 PARSED_ENCODER = ("--graph-pool", "parsed", "--word-vectors", "--numbers-past")
 
-#: What the imitator remembers beside its GRU, and by how it plays in evaluation it learns in every second rollout
-#: (docs/training_findings.md#why-it-stops-short).
-WITH_MEMORY = ("--looks-past", "--history-past", "--greedy-share", "0.5")
+#: What the imitator remembers beside its GRU, and that it learns in every second rollout from how it plays in
+#: evaluation (docs/training_findings.md#why-it-stops-short): part -> its options.
+MEMORY = {"looks": ("--looks-past",), "history": ("--history-past",), "greedy rollouts": ("--greedy-share", "0.5")}
 
 #: What value factorisation learns by where episodes are few, and how many it gets in our longer rows of the paper's
 #: learners, whose networks are the paper's; chosen on validation tasks (docs/training_findings.md).

@@ -1,9 +1,11 @@
 """The rows of the tables as data: what is trained, and which row of the paper it stands beside."""
 
+from itertools import chain
+
 from chmarl_pb.envs.tracks import GROUNDED
 from chmarl_pb.evaluation import paper
 from training.tables.grounded_rows import grounded_rows
-from training.tables.row import GROUNDED_ENCODER, LIMITED, LIMITED_DATA, LONGER, PARSED_ENCODER, SEEDS, WITH_MEMORY, Row
+from training.tables.row import GROUNDED_ENCODER, LIMITED, LIMITED_DATA, LONGER, MEMORY, PARSED_ENCODER, SEEDS, Row
 from training.tables.sb3_rows import BASELINES
 
 #: Rows of the paper's ablation of feedback, which have three trainings on pictures, too.
@@ -77,7 +79,14 @@ def _told(observation: str) -> Row:
 def _with_memory(observation: str, words: str = "", reading: tuple[str, ...] = GROUNDED_ENCODER) -> Row:
     """Return one of both, remembering more, and trained to play as it is evaluated."""
     homes, seeds = f", generated homes{words}, memory", SEEDS[observation]
-    return _imitator(observation, homes, "--split", "generated", *WITH_MEMORY, reading=reading, seeds=seeds)
+    options = chain.from_iterable(MEMORY.values())
+    return _imitator(observation, homes, "--split", "generated", *options, reading=reading, seeds=seeds)
+
+
+def _with_part_of_memory(part: str) -> Row:
+    """Return the same with one part of that, on graphs, where it need not learn to read."""
+    homes = f", generated homes, words parsed, {part}"
+    return _imitator("scene_graph", homes, "--split", "generated", *MEMORY[part], reading=PARSED_ENCODER)
 
 
 def _longer(observation: str) -> tuple[Row, ...]:
@@ -130,6 +139,7 @@ OURS: tuple[Row, ...] = (
     *map(_told, SEEDS),
     *map(_with_memory, SEEDS),
     _with_memory("scene_graph", ", words parsed", PARSED_ENCODER),
+    *map(_with_part_of_memory, MEMORY),
     _imitator("scene_graph", ", generated homes, longer", "--split", "generated", *_MORE),
     *BASELINES,
 )
