@@ -11,7 +11,7 @@ from chmarl_pb import catalog
 from chmarl_pb.catalog import BENCHMARK, COLOURS, Catalog
 from chmarl_pb.envs.options import Options
 from chmarl_pb.errors import OptionError
-from chmarl_pb.navigation.lattice import HEADINGS, heading_angle
+from chmarl_pb.navigation.lattice import DIRECTIONS
 from chmarl_pb.sensing.sensors import View
 from chmarl_pb.sensing.text import as_bytes
 from chmarl_pb.tasks import language
@@ -21,8 +21,6 @@ from chmarl_pb.tasks.simulation import Simulation
 from chmarl_pb.world import WorldState
 
 Observation = dict[str, np.ndarray]
-
-_DIRECTIONS = [(float(np.cos(angle)), float(np.sin(angle))) for angle in map(heading_angle, range(HEADINGS))]
 
 
 class Wanted(NamedTuple):
@@ -150,5 +148,5 @@ def _self(simulation: Simulation, state: WorldState, robot: str) -> np.ndarray:
 def _self_vector(rooms: int, room: int, heading: int, holds: bool) -> np.ndarray:
     vector = np.zeros(rooms + 4, dtype=np.float32)
     vector[room] = 1
-    vector[-3:] = *_DIRECTIONS[heading], holds
+    vector[-3:] = *DIRECTIONS[heading], holds
     return vector

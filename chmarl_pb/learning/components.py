@@ -83,21 +83,25 @@ def as_action(row: NDArray[np.integer[Any]], counts: Counts) -> Any:
 def mask_of(agent: str, infos: Mapping[str, Any], counts: Counts) -> NDArray[np.bool_]:
     """Return (K, A) what an agent may do: ``infos[agent]["action_mask"]`` is about the first component.
 
-    Without a mask, or where it allows nothing, all is allowed.
+    Without a mask, or where it allows nothing, all is allowed; what allows all is shared, and read-only.
 
     Raises:
         ValueError: the agent's info is no dict, or its mask has another length than it has actions.
     """
-    mask, info, number = _all_allowed(counts).copy(), infos.get(agent, {}), of_each(counts)[0]
+    info, number = infos.get(agent, {}), of_each(counts)[0]
     if not isinstance(info, Mapping):
         raise ValueError(f"the info of {agent!r} is {info!r}; return a dict, which may be empty")
     allowed = info.get("action_mask")
-    if allowed is not None and (own := np.asarray(allowed, dtype=bool)).any():
-        if own.shape != (number,):
-            raise ValueError(
-                f"the action_mask of {agent!r} has the shape {own.shape}; give it ({number},), a value for each action"
-            )
-        mask[0, :number] &= own
+    if allowed is None or not (own := np.asarray(allowed, dtype=bool)).any():
+        return _all_allowed(counts)
+    if own.shape != (number,):
+        raise ValueError(
+            f"the action_mask of {agent!r} has the shape {own.shape}; give it ({number},), a value for each action"
+        )
+    if own.all():
+        return _all_allowed(counts)
+    mask = _all_allowed(counts).copy()
+    mask[0, :number] = own
     return mask
 
 

@@ -61,6 +61,10 @@ def heading_angle(heading: int) -> float:
     return 2 * np.pi * heading / HEADINGS
 
 
+#: Cosine and sine of each heading.
+DIRECTIONS = tuple((float(np.cos(angle)), float(np.sin(angle))) for angle in map(heading_angle, range(HEADINGS)))
+
+
 @dataclass(frozen=True, eq=False)
 class Lattice:
     """Where robots of one footprint can drive in one home.

@@ -45,7 +45,7 @@ def test_each_part_is_told_beside_the_line_that_it_changes() -> None:
         ["90.0 / 15.0", "", "", ""], ["90.0 / 40.0", "line 1", "+0.0", "+25.0"],
         ["90.0 / 55.0", "line 2", "+0.0", "+15.0"], ["", "line 3", "", ""], ["90.0 / 50.0", "line 4", "", ""],
         ["", "line 5", "", ""], ["90.0 / 60.0", "line 5", "+0.0", "+10.0"], *[["", "line 7", "", ""]] * 2,
-        ["", "line 9", "", ""], *[["", f"line {number}", "", ""] for number in (7, 8, 10)],
+        ["", "line 9", "", ""], *[["", f"line {number}", "", ""] for number in (7, 8, 10, 8, 8, 8)],
     ]  # fmt: skip
 
 

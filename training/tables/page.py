@@ -265,10 +265,11 @@ def _runs(records: Records) -> list[str]:
     lines += [_run_line(record) for same in records.values() for record in same]
     if len(lines) == 2:
         return []
-    hours = sum(sum(record["seconds"].values()) for same in records.values() for record in same) / 3600
+    spent = [[sum(record["seconds"].values()) / 3600 for record in same] for same in records.values() if same]
     text = (
-        f"{hours:.0f} hours by the clock in all, mostly two runs side by side on shared machines of two cores, which "
-        "others slowed down, some runs many times. One line for each run. *Budget*: of ours, imitation + MAPPO; *best "
+        f"{sum(map(sum, spent)):.0f} hours by the clock in all, mostly two runs side by side on shared machines of two "
+        "cores, which others slowed down, some runs many times; had each run taken as long as the fastest of its row, "
+        f"{sum(len(hours) * min(hours) for hours in spent):.0f}. One line for each run. *Budget*: of ours, imitation + MAPPO; *best "
         "after*: where its best weights are from; *train, score*: minutes; *source*: sha256 of the code of `chmarl_pb` "
         "and, in later runs, of `training`, that the run was scored with; seeds of a row may come from different "
         "versions (`python -m tools.sources HASH` names the commit). The commands, all settings and all hashes are in "
