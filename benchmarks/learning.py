@@ -4,7 +4,7 @@
     python -m benchmarks.learning --only qmix --envs 32 --gradient-steps 16
 
 QMIX in one process is timed by the processor, all else by the clock. The first rollouts, which load homes and look
-where nobody has looked, are not counted.
+where nobody has looked, are not counted. Random play of QMIX's environment alone tells what no learner can pass.
 """
 
 import argparse
@@ -12,9 +12,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import chmarl_pb
 from chmarl_pb.learning import Config, train
@@ -56,6 +59,20 @@ class Parts:
         return method
 
 
+def random_play(make: Callable[[], Any], episodes: int) -> float:
+    """Return the joint steps a second of one environment that is played at random, nothing learned, resets included."""
+    rng, steps = np.random.default_rng(0), 0
+    with closing(make()) as env:
+        for episode in range(2 * episodes):  # the first half to warm up
+            if episode == episodes:
+                start, steps = time.process_time(), 0
+            env.reset(seed=episode)
+            while env.agents:
+                env.step({name: int(rng.integers(env.action_space(name).n)) for name in env.agents})
+                steps += 1
+        return steps / (time.process_time() - start)
+
+
 def qmix(episodes: int, envs: int, gradient_steps: int, workers: int) -> list[str]:
     """Train QMIX with messages on scene graphs, and return lines on its speed."""
     parts = Parts(time.process_time if workers == 1 else time.perf_counter)
@@ -77,6 +94,7 @@ def qmix(episodes: int, envs: int, gradient_steps: int, workers: int) -> list[st
             setattr(Run, name, inner)
     played, learned = parts.seconds.values()
     return [
+        f"random play of its environment alone, in one process: {random_play(make, WARM_UP):,.0f} joint steps/s",
         f"QMIX, {envs} environments, {workers} processes, {gradient_steps} gradient steps after each rollout:",
         f"  rollout alone {parts.steps / played:,.0f} joint steps/s",
         f"  {1000 * learned / parts.gradients:.0f} ms a gradient step of {config.batch_size} episodes",
