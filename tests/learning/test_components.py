@@ -53,6 +53,8 @@ def test_shapes_and_masks_of_two_heads() -> None:
     assert (batch.actions["teller"][..., 0] > 0).all(), "the mask is about the first head"
     assert set(batch.actions["teller"][..., 1].unique().tolist()) == {0, 1}
     assert mask_of("doer", {}, 3).tolist() == [[True] * 3]
+    assert mask_of("doer", {"doer": {"action_mask": [0, 1, 1]}}, 3).tolist() == [[False, True, True]]
+    assert mask_of("doer", {"doer": {"action_mask": [1, 1, 1]}}, 3).all()
     assert mask_of("doer", {"doer": {"action_mask": [0, 0]}}, 2).all()
 
 

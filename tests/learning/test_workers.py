@@ -48,6 +48,22 @@ def contents(episodes: list[Episode]) -> list[Any]:
     ]
 
 
+def told(one: Any) -> Any:
+    """Return all that is kept of an episode, each array by its type, shape and values."""
+    if isinstance(one, dict):
+        return {name: told(part) for name, part in one.items()}
+    if isinstance(one, list):
+        return [told(part) for part in one]
+    return (type(one), one.dtype, one.shape, one.tolist()) if isinstance(one, np.ndarray) else one
+
+
+@pytest.mark.parametrize("workers", [2, 5])
+def test_episodes_come_whole_from_other_processes(workers: int) -> None:
+    alone, together = rollouts(1, greedy), rollouts(workers, greedy)
+    assert [told(vars(one)) for one in together] == [told(vars(one)) for one in alone]
+    assert all(one.observations[-1]["short"]["noise"].shape == (3,) for one in together)
+
+
 @pytest.mark.parametrize("workers", [2, 5])
 def test_episodes_without_chance_are_those_of_one_process(workers: int) -> None:
     alone, together = rollouts(1, greedy), rollouts(workers, greedy)
