@@ -269,14 +269,14 @@ def _runs(records: Records) -> list[str]:
     text = (
         f"{sum(map(sum, spent)):.0f} hours by the clock in all, mostly two runs side by side on shared machines of two "
         "cores, which others slowed down, some runs many times; had each run taken as long as the fastest of its row, "
-        f"{sum(len(hours) * min(hours) for hours in spent):.0f}. One line for each run. *Budget*: of ours, imitation + MAPPO; *best "
-        "after*: where its best weights are from; *train, score*: minutes; *source*: sha256 of the code of `chmarl_pb` "
-        "and, in later runs, of `training`, that the run was scored with; seeds of a row may come from different "
-        "versions (`python -m tools.sources HASH` names the commit). The commands, all settings and all hashes are in "
-        "`results/TABLE/ROW-seedK.json`, in later runs also those of every version of `training` that trained it "
-        "(`trained_by`). A command of an older version may mean something else today: `python -m training.table "
-        "--rows ROW` trains a row as it is now. `python -m training.table --show --csv FILE` writes the scores of each "
-        "seed on each split."
+        f"{sum(len(hours) * min(hours) for hours in spent):.0f}. One line for each run. *Budget*: of ours, imitation + "
+        "MAPPO; *best after*: where its best weights are from; *train, score*: minutes; *source*: sha256 of the code "
+        "of `chmarl_pb` and, in later runs, of `training`, that the run was scored with; seeds of a row may come from "
+        "different versions (`python -m tools.sources HASH` names the commit). The commands, all settings and all "
+        "hashes are in `results/TABLE/ROW-seedK.json`, in later runs also those of every version of `training` that "
+        "trained it (`trained_by`). A command of an older version may mean something else today: `python -m "
+        "training.table --rows ROW` trains a row as it is now. `python -m training.table --show --csv FILE` writes the "
+        "scores of each seed on each split."
     )
     return ["## The runs", text, "\n".join(lines)]
 
