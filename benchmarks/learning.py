@@ -4,7 +4,8 @@
     python -m benchmarks.learning --only qmix --envs 32 --gradient-steps 16
 
 QMIX in one process is timed by the processor, all else by the clock. The first rollouts, which load homes and look
-where nobody has looked, are not counted. Random play of QMIX's environment alone tells what no learner can pass.
+where nobody has looked, are not counted. Random play of QMIX's environment tells what no learner
+passes there in one process.
 """
 
 import argparse
