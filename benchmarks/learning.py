@@ -34,30 +34,38 @@ class Parts:
     """Time of the parts of a training, after its warm-up.
 
     Attributes:
-        seconds: part -> seconds.
-        steps: joint steps that were played in them.
-        gradients: gradient steps that were taken in them.
+        seconds: part -> seconds of each rollout.
+        steps: joint steps that were played in each.
+        gradients: gradient steps that were taken.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         """Begin with none; seconds are those of a clock."""
         self._clock = clock
-        self.seconds = {"_play": 0.0, "_learn": 0.0}
-        self.steps = self.gradients = 0
+        self.seconds: dict[str, list[float]] = {"advance": [], "_play": [], "_learn": []}
+        self.steps: list[int] = []
+        self.gradients = 0
 
-    def timed(self, part: str, inner: Callable[[Run], None]) -> Callable[[Run], None]:
+    def timed(self, part: str, inner: Callable[..., None]) -> Callable[..., None]:
         """Return a method of a run that counts."""
 
-        def method(run: Run) -> None:
+        def method(run: Run, *rest: Any) -> None:
             counted = run.episodes >= WARM_UP
             steps, gradients, start = run._clock["steps"], run.learner.updates, self._clock()
-            inner(run)
-            if counted:
-                self.seconds[part] += self._clock() - start
-                self.steps += int(run._clock["steps"] - steps)
+            inner(run, *rest)
+            if not counted:
+                return
+            self.seconds[part].append(self._clock() - start)
+            if part == "_play":
+                self.steps.append(int(run._clock["steps"] - steps))
+            if part == "_learn":
                 self.gradients += run.learner.updates - gradients
 
         return method
+
+    def speed(self, part: str, first: int = 0) -> float:
+        """Return the joint steps a second of a part, from a rollout on."""
+        return sum(self.steps[first:]) / sum(self.seconds[part][first:])
 
 
 def random_play(make: Callable[[], Any], episodes: int) -> float:
@@ -74,15 +82,16 @@ def random_play(make: Callable[[], Any], episodes: int) -> float:
         return steps / (time.process_time() - start)
 
 
-def qmix(episodes: int, envs: int, gradient_steps: int, workers: int) -> list[str]:
+def qmix(episodes: int, envs: int, gradient_steps: int, workers: int, overlap: bool) -> list[str]:
     """Train QMIX with messages on scene graphs, and return lines on its speed."""
-    parts = Parts(time.process_time if workers == 1 else time.perf_counter)
-    kept = {name: getattr(Run, name) for name in ("_play", "_learn")}
+    parts = Parts(time.process_time if workers == 1 and not overlap else time.perf_counter)
+    kept = {name: getattr(Run, name) for name in parts.seconds}
     config = Config(
         episodes=episodes + WARM_UP,
         envs=envs,
         gradient_steps=gradient_steps,
         workers=workers,
+        overlap=overlap,
         validation_interval=10**9,
     )
     make = partial(chmarl_pb.parallel_env, "scene_graph", messages=True, feedback=True)
@@ -93,13 +102,15 @@ def qmix(episodes: int, envs: int, gradient_steps: int, workers: int) -> list[st
     finally:
         for name, inner in kept.items():
             setattr(Run, name, inner)
-    played, learned = parts.seconds.values()
+    learned = sum(parts.seconds["_learn"])
+    when = "beside the next" if overlap else "after each"
     return [
         f"random play of its environment alone, in one process: {random_play(make, WARM_UP):,.0f} joint steps/s",
-        f"QMIX, {envs} environments, {workers} processes, {gradient_steps} gradient steps after each rollout:",
-        f"  rollout alone {parts.steps / played:,.0f} joint steps/s",
+        f"QMIX, {envs} environments, {workers} processes, {gradient_steps} gradient steps {when} rollout:",
+        *([] if overlap else [f"  rollout alone {parts.speed('_play'):,.0f} joint steps/s"]),
         f"  {1000 * learned / parts.gradients:.0f} ms a gradient step of {config.batch_size} episodes",
-        f"  rollout and updates {parts.steps / (played + learned):,.0f} joint steps/s",
+        f"  rollout and updates {parts.speed('advance'):,.0f} joint steps/s",
+        f"  the second half alone {parts.speed('advance', len(parts.steps) // 2):,.0f}: homes are known better",
     ]
 
 
@@ -140,13 +151,15 @@ def _main() -> int:
     parser.add_argument("--episodes", type=int, default=480, help="of QMIX that are counted")
     parser.add_argument("--envs", type=int, default=Config.envs)
     parser.add_argument("--gradient-steps", type=int, default=Config.gradient_steps)
+    parser.add_argument("--overlap", action="store_true", help="let QMIX learn while other processes play")
     parser.add_argument("--steps", type=int, default=120_000, help="of PPO")
     parser.add_argument("--workers", type=int, default=1, help="processes of the environments")
     options = parser.parse_args()
     for name in ("episodes", "envs", "gradient_steps", "steps", "workers"):
         whole_number(f"--{name.replace('_', '-')}", getattr(options, name), 1)
+    of_qmix = options.episodes, options.envs, options.gradient_steps, options.workers, options.overlap
     if options.only != "ppo":
-        print("\n".join(qmix(options.episodes, options.envs, options.gradient_steps, options.workers)), flush=True)
+        print("\n".join(qmix(*of_qmix)), flush=True)
     if options.only != "qmix":
         print("\n".join(ppo(options.steps, options.workers)), flush=True)
     return 0

@@ -92,13 +92,13 @@ def mask_of(agent: str, infos: Mapping[str, Any], counts: Counts) -> NDArray[np.
     if not isinstance(info, Mapping):
         raise ValueError(f"the info of {agent!r} is {info!r}; return a dict, which may be empty")
     allowed = info.get("action_mask")
-    if allowed is None or not (own := np.asarray(allowed, dtype=bool)).any():
+    if allowed is None or not (there := np.count_nonzero(own := np.asarray(allowed, dtype=bool))):
         return _all_allowed(counts)
     if own.shape != (number,):
         raise ValueError(
             f"the action_mask of {agent!r} has the shape {own.shape}; give it ({number},), a value for each action"
         )
-    if own.all():
+    if there == number:
         return _all_allowed(counts)
     mask = _all_allowed(counts).copy()
     mask[0, :number] = own

@@ -98,6 +98,8 @@ class RunConfig:
         episodes: to play in all, at least: whole rollouts are played.
         envs: environments played side by side; each rollout plays one episode in each.
         workers: processes that play a rollout, each with its share of the environments and random draws of its own.
+        overlap: whether the gradient steps that follow a rollout are taken while the next is played, by the weights
+            from before them, in ``workers`` processes beside the one that learns; not for learners on policy.
         horizon: most steps of an episode; `chmarl-pb train` takes them from ``--max-steps``.
         batch_size: episodes in a gradient step.
         learning_starts: episodes before the first gradient step; a shorter run learns after its last rollout alone.
@@ -137,6 +139,7 @@ class RunConfig:
     episodes: int = count(6_000)
     envs: int = count(8)
     workers: int = count(1)
+    overlap: bool = False
     horizon: int = count(28)
     batch_size: int = count(32)
     learning_starts: int = natural(128)
@@ -163,8 +166,10 @@ class RunConfig:
     log_interval: int = count(200)
 
     def __post_init__(self) -> None:
-        """Refuse values outside the fields' limits, see :func:`check`, and workers without an environment."""
+        """Refuse values outside the fields' limits, see :func:`check`, and what does not go together."""
         check(self)
+        if self.overlap and self.on_policy:
+            raise ValueError("overlap=True: this algorithm learns from what its present weights have played; leave it")
         if self.workers > self.envs:
             raise ValueError(f"workers={self.workers}: must be at most envs={self.envs}, so that each plays an episode")
 

@@ -15,6 +15,7 @@ from chmarl_pb.learning.components import Counts, counts_in
 Tree = Any  # an array or tensor, or a dict of them, as the space says
 
 FLAT = spaces.Box | spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary  # what observations may be made of
+_LEAVES = (np.ndarray, torch.Tensor)
 FLAT_NAMES = "Box, a Discrete, a MultiDiscrete, a MultiBinary"
 
 
@@ -169,7 +170,7 @@ def spaces_of(env: Any) -> tuple[dict[str, spaces.Space[Any]], dict[str, Counts]
 
 def tree_map(function: Callable[..., Any], first: Tree, *others: Tree) -> Tree:
     """Return a tree of what a function makes of the arrays of trees of one shape."""
-    if isinstance(first, Mapping):
+    if not isinstance(first, _LEAVES) and isinstance(first, Mapping):  # whether it is a Mapping takes longer to tell
         return {key: tree_map(function, value, *(other[key] for other in others)) for key, value in first.items()}
     return function(first, *others)
 

@@ -25,6 +25,7 @@ class World(Uncopied):
         home: the home.
         physics: what PyBullet holds.
         state: where everything is; assign an earlier state to return to it.
+        graspers: names of the robots that can grasp.
     """
 
     def __init__(self, home: Home):
@@ -38,6 +39,7 @@ class World(Uncopied):
         self.physics = Physics(home)
         self.state = WorldState()
         self._synced: WorldState | None = self.state  # what physics shows; None if bodies have moved by themselves
+        self.graspers: tuple[str, ...] = ()
 
     @property
     def client(self) -> int:
@@ -97,16 +99,12 @@ class World(Uncopied):
     def add_robot(self, name: str, body: RobotBody) -> None:
         """Tell physics which body is a robot's; it is at its place once :meth:`set_robot` has said where that is."""
         self.physics.robots[name] = body
+        self.graspers = tuple(name for name, robot in self.physics.robots.items() if robot.grasp_link is not None)
 
     @property
     def robots(self) -> Mapping[str, RobotState]:
         """Robot -> where it is."""
         return self.state.robots
-
-    @property
-    def graspers(self) -> tuple[str, ...]:
-        """Names of the robots that can grasp."""
-        return tuple(name for name, robot in self.physics.robots.items() if robot.grasp_link is not None)
 
     def set_robot(self, name: str, robot: RobotState) -> None:
         """Let a robot be somewhere."""

@@ -126,9 +126,10 @@ def test_replay_is_bounded(collector: Collector) -> None:
         ReplayBuffer(collector.interface, 3, 10, 1.0).add(episode)
 
 
-@pytest.mark.parametrize("algorithm", VALUE)
-def test_learns_an_additive_game(algorithm: str) -> None:
+@pytest.mark.parametrize(("algorithm", "overlap"), [*((name, False) for name in VALUE), ("qmix", True)])
+def test_learns_an_additive_game(algorithm: str, overlap: bool) -> None:
     config = replace(SMALL, episodes=320, envs=16, horizon=1, gradient_steps=10, batch_size=32, learning_rate=1e-2)
+    config = replace(config, overlap=overlap)
     result = train(partial(MatrixGame, MATRIX_GAMES["additive"]), algorithm, config)
     assert result.best_score == 6
 

@@ -3,10 +3,11 @@
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from multiprocessing import active_children, parent_process
 from pathlib import Path
 from threading import Lock
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from torch.nn.utils import parameters_to_vector
 
 from chmarl_pb.errors import WorkerError
 from chmarl_pb.learning import train
@@ -23,6 +25,10 @@ from chmarl_pb.learning.benchmark_env import benchmark
 from chmarl_pb.learning.rollouts.collect import Choose, Collector, epsilon_greedy, greedy
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.learning.rollouts.workers import rollouts_of
+from chmarl_pb.learning.runs.interrupts import StopRequested
+from chmarl_pb.learning.runs.logger import Logger
+from chmarl_pb.learning.runs.run import Run
+from chmarl_pb.learning.runs.validation import by_return
 from chmarl_pb.signals import Interrupted
 from tests.helpers.small_runs import CONFIGS, EXPERT, SMALL
 from tests.helpers.stopping import in_pieces
@@ -79,12 +85,95 @@ def test_each_process_draws_by_itself_and_the_same_each_time() -> None:
 
 
 @pytest.mark.parametrize("algorithm", ["qmix", "imitation"])
-def test_a_run_may_be_interrupted_anywhere(algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = partial(train, UnevenEnv, algorithm, replace(CONFIGS[algorithm], workers=2), expert=EXPERT)
+@pytest.mark.parametrize(("overlap", "every"), [(False, 43), (True, 13)])
+def test_a_run_may_be_interrupted_anywhere(
+    algorithm: str, overlap: bool, every: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = replace(CONFIGS[algorithm], workers=2, overlap=overlap)
+    run = partial(train, UnevenEnv, algorithm, config, validate=by_return(8), expert=EXPERT)
     run(tmp_path / "whole")
-    _, times = in_pieces(lambda: run(tmp_path / "pieces"), 43, monkeypatch)
+    _, times = in_pieces(lambda: run(tmp_path / "pieces"), every, monkeypatch)
     assert times > 1
     assert_same(tmp_path / "whole", tmp_path / "pieces")
+
+
+class Noted:
+    """Plays rollouts, and notes by which weights, and which there are after what is done meanwhile."""
+
+    def __init__(self, collector: Collector, stopped: int | None = None):
+        """Play in a collector; one rollout, by its number, is stopped when it is over."""
+        self.collector, self._stopped = collector, stopped
+        self.weights: list[tuple[torch.Tensor, torch.Tensor]] = []
+
+    def __call__(
+        self,
+        agents: torch.nn.ModuleDict,
+        choose: Choose,
+        rng: np.random.Generator,
+        seeds: Sequence[int],
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> list[Episode]:
+        """Return the episodes; the arguments are those of ``PlayRollout``."""
+        before = parameters_to_vector(agents.parameters()).clone()
+        episodes = self.collector.play(agents, choose, rng, seeds)
+        meanwhile()
+        if self._stopped == len(self.weights):
+            self._stopped = None
+            raise StopRequested
+        self.weights.append((before, parameters_to_vector(agents.parameters()).clone()))
+        return episodes
+
+
+def run_noted(overlap: bool, stopped: int | None = None) -> tuple[Run, list[tuple[torch.Tensor, torch.Tensor]]]:
+    """Train, in two runs if a rollout is stopped; return the last run and the weights before and after each rollout."""
+    config = replace(SMALL, overlap=overlap)
+    with closing(Collector(UnevenEnv, config.envs)) as collector, closing(Logger(None, config.episodes)) as logger:
+        play = Noted(collector, stopped)
+        make = partial(Run, collector, play, "qmix", config, None, by_return(2), {}, torch.device("cpu"))
+        run = make()
+        while not run.is_over:
+            try:
+                run.advance(logger)
+            except StopRequested:
+                state = run.state()
+                run = make()
+                run.restore(state, Path("last.pt"))
+        return run, play.weights
+
+
+def test_gradient_steps_may_overlap_with_the_next_rollout() -> None:
+    (apart, before), (beside, overlapping) = run_noted(False), run_noted(True)
+    starts, rollouts = SMALL.learning_starts // SMALL.envs, SMALL.episodes // SMALL.envs
+    assert apart.learner.updates == beside.learner.updates == (rollouts - starts + 1) * SMALL.gradient_steps
+    assert all(torch.equal(*pair) for pair in before), "nothing is learned beside a rollout unless it is asked for"
+    changed = [not torch.equal(*pair) for pair in overlapping]
+    assert changed == [False] * starts + [True] * (rollouts - starts)
+    for (_, after), (following, _) in pairwise(overlapping):
+        assert torch.equal(after, following), "a rollout follows the gradient steps before it"
+    last = parameters_to_vector(beside.learner.agents.parameters())
+    assert not torch.equal(last, overlapping[-1][1]), "the last rollout is learned from, too"
+
+
+def test_a_rollout_that_is_stopped_beside_gradient_steps_is_played_again_by_the_weights_before_them() -> None:
+    (whole, _), (pieces, _) = run_noted(True), run_noted(True, stopped=SMALL.learning_starts // SMALL.envs + 2)
+    assert pieces.learner.updates == whole.learner.updates
+    weights = [parameters_to_vector(run.learner.agents.parameters()) for run in (whole, pieces)]
+    assert torch.equal(*weights)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_all_play_beside_the_run_that_learns(workers: int) -> None:
+    make, rng, done = partial(Collector, UnevenEnv, expert=EXPERT), np.random.default_rng(0), []
+    with closing(make(4)) as collector, rollouts_of(collector, make, workers, beside=True) as play:
+        collector.envs.clear()  # nothing can be played here
+        agents = ValueLearner("vdn", collector.interface, SMALL).agents.eval()
+        episodes = play(agents, greedy, rng, range(4), lambda: done.append(True))
+    assert done and contents(episodes) == contents(rollouts(1, greedy, 1, 4))
+
+
+def test_who_learns_on_policy_cannot_overlap() -> None:
+    with pytest.raises(ValueError, match="overlap=True: this algorithm learns from what its present weights"):
+        replace(CONFIGS["mappo"], overlap=True)
 
 
 class Elsewhere(UnevenEnv):
@@ -145,6 +234,8 @@ def test_what_cannot_be_sent_is_told() -> None:
     lock = Lock()
     with pytest.raises(ValueError, match=r"the environment cannot be sent .* or give workers=1"):
         train(lambda: (lock, UnevenEnv())[1], "vdn", replace(SMALL, workers=2))
+    with pytest.raises(ValueError, match=r"the environment cannot be sent .* or give workers=1 without overlap"):
+        train(lambda: (lock, UnevenEnv())[1], "vdn", replace(SMALL, overlap=True))
 
 
 def test_each_process_has_an_environment() -> None:

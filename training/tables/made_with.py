@@ -20,7 +20,7 @@ _BEFORE = {
     "grounding_coef": 0.0, "home_rollouts": 100, "anneal": 0.0, "split": "train", "preset": "encoder",
     "robots": "humanoid,drone", "catalog_sha256": "", "encoder": "household", "mixer": "", "tau": 1.0, "td_lambda": 0.0,
     "layer_norm": False, "normalize_values": False, "standardize_state": False, "standardize_rewards": False,
-    "workers": 1, "rooms": "",
+    "workers": 1, "overlap": False, "rooms": "",
 }  # fmt: skip
 
 

@@ -26,12 +26,13 @@ class Sent:
         return pickle.loads, (self._pickled,)
 
 
-def pickled(content: Any, what: str) -> bytes:
+def pickled(content: Any, what: str, instead: str = "give workers=1") -> bytes:
     """Return what another process reads as a ``CloudpickleWrapper`` of this content.
 
     Args:
         content: to be sent.
         what: it is, for the error.
+        instead: what to do where nothing else helps.
 
     Raises:
         OptionError: it holds what cannot be pickled.
@@ -42,7 +43,7 @@ def pickled(content: Any, what: str) -> bytes:
         reason = " ".join(str(error).split())[:_LONGEST] or type(error).__name__
         raise OptionError(
             f"{what} cannot be sent to other processes{_culprit(content)} ({reason}); keep what cannot be copied out "
-            "of it, or give workers=1"
+            f"of it, or {instead}"
         ) from error
 
 

@@ -27,9 +27,23 @@ class PlayRollout(Protocol):
     """What plays a rollout: an episode for each seed, in whatever processes, each recorded as its seed stands."""
 
     def __call__(
-        self, agents: nn.ModuleDict, choose: Choose, rng: np.random.Generator, seeds: Sequence[int]
+        self,
+        agents: nn.ModuleDict,
+        choose: Choose,
+        rng: np.random.Generator,
+        seeds: Sequence[int],
+        meanwhile: Callable[[], None] = lambda: None,
     ) -> list[Episode]:
-        """Return the episodes; the arguments are those of :meth:`Collector.play`."""
+        """Return the episodes.
+
+        Args:
+            agents: as the next three those of :meth:`Collector.play`.
+            choose: see there.
+            rng: see there.
+            seeds: see there.
+            meanwhile: called once this process has played its share, while others may still play; it may change the
+                agents.
+        """
 
 
 @contextmanager
@@ -39,8 +53,9 @@ def rollouts_of(
     workers: int,
     threads: int = 1,
     check: Callable[[], None] = lambda: None,
+    beside: bool = False,
 ) -> Iterator[PlayRollout]:
-    """Let a block play rollouts in several processes, the first of which is this one.
+    """Let a block play rollouts in several processes, of which this one is the first unless they play beside it.
 
     An environment plays in the same process from rollout to rollout. Each process draws its actions from a stream of
     its own, so the number of processes is part of what fixes the episodes, as the number of environments is. Other
@@ -49,19 +64,22 @@ def rollouts_of(
     Args:
         collector: of as many environments as a rollout has episodes; plays the first share of them.
         make: makes the collector of another process, of so many environments; sent by cloudpickle.
-        workers: number of processes; 1: this one alone.
+        workers: number of processes that play; 1: this one alone.
         threads: of torch in each.
         check: called while others are waited for; may raise an error to end the rollout.
+        beside: whether all of them are others than this one, which is free for something else meanwhile.
 
     Raises:
         OptionError: the environment cannot be sent to other processes.
         WorkerError: one of them died, or none can be started.
     """
-    if workers == 1:
+    others = workers if beside else workers - 1
+    if not others:
         yield _Here(collector)
         return
-    with pools(workers - 1, 1) as executors:
-        yield _Shared(collector, pickled(make, "the environment"), executors, threads, check)
+    with pools(others, 1) as executors:
+        sent = pickled(make, "the environment", f"give workers=1{' without overlap' * beside}")
+        yield _Shared(collector, sent, executors, threads, check, beside)
 
 
 @dataclass(frozen=True)
@@ -71,33 +89,52 @@ class _Here:
     collector: Collector
 
     def __call__(
-        self, agents: nn.ModuleDict, choose: Choose, rng: np.random.Generator, seeds: Sequence[int]
+        self,
+        agents: nn.ModuleDict,
+        choose: Choose,
+        rng: np.random.Generator,
+        seeds: Sequence[int],
+        meanwhile: Callable[[], None] = lambda: None,
     ) -> list[Episode]:
-        return self.collector.play(agents, choose, rng, seeds, ask_experts=True)
+        episodes = self.collector.play(agents, choose, rng, seeds, ask_experts=True)
+        meanwhile()
+        return episodes
 
 
 @dataclass(frozen=True)
 class _Shared:
-    """Plays rollouts in this process and, meanwhile, in one process of each executor."""
+    """Plays rollouts in one process of each executor and, unless they are to play beside it, in this process."""
 
     collector: Collector
     make: bytes
     executors: Sequence[Executor]
     threads: int
     check: Callable[[], None]
+    beside: bool
 
     def __call__(
-        self, agents: nn.ModuleDict, choose: Choose, rng: np.random.Generator, seeds: Sequence[int]
+        self,
+        agents: nn.ModuleDict,
+        choose: Choose,
+        rng: np.random.Generator,
+        seeds: Sequence[int],
+        meanwhile: Callable[[], None] = lambda: None,
     ) -> list[Episode]:
-        own, *others = ([int(seed) for seed in share] for share in np.array_split(seeds, len(self.executors) + 1))
-        streams = [int(number) for number in rng.integers(2**63, size=len(others) + 1)]
+        own = 0 if self.beside else 1  # shares that are played here
+        shares = [[int(seed) for seed in share] for share in np.array_split(seeds, len(self.executors) + own)]
+        streams = [int(number) for number in rng.integers(2**63, size=len(shares))]
         player = pickled((copy.deepcopy(agents).cpu(), choose), "the agents")
         names = self.collector.interface.agents
         played = [
             submitted(executor, _play_share, self.make, self.threads, names, player, stream, share)
-            for executor, stream, share in zip(self.executors, streams[1:], others, strict=True)
+            for executor, stream, share in zip(self.executors, streams[own:], shares[own:], strict=True)
         ]
-        episodes = self.collector.play(agents, choose, np.random.default_rng(streams[0]), own, ask_experts=True)
+        episodes = [
+            episode
+            for stream, share in zip(streams[:own], shares[:own], strict=True)
+            for episode in self.collector.play(agents, choose, np.random.default_rng(stream), share, ask_experts=True)
+        ]
+        meanwhile()
         return [*episodes, *chain.from_iterable(self._results(played))]
 
     def _results(self, futures: "Sequence[Future[list[Episode]]]") -> Iterator[list[Episode]]:

@@ -155,7 +155,7 @@ def train(
     with (
         torch_threads(threads), run_lock(folder, LAST, BEST),
         closing(collector_of(config.envs, check=signals.check)) as collector,
-        rollouts_of(collector, collector_of, config.workers, threads, signals.check) as play,
+        rollouts_of(collector, collector_of, config.workers, threads, signals.check, config.overlap) as play,
     ):  # fmt: skip
         resumed = last is not None and last.exists()
         setting = setting_of(collector.envs[0]) if setting is None else setting

@@ -1,5 +1,6 @@
 """A training run, from rollout to rollout: play some episodes, learn from the replay buffer, validate, log, save."""
 
+import copy
 import json
 import time
 from collections import defaultdict
@@ -79,6 +80,7 @@ class Run:
         self._streams = dict(zip(("tasks", "actions", "batches"), map(np.random.default_rng, streams), strict=True))
         self.episodes, self.rows, self.best_score = 0, 0, -np.inf
         self._unreported: int | None = None  # episodes before a rollout that is learned from, until its row is written
+        self._acting: dict[str, Any] | None = None  # weights of a rollout, once gradient steps were taken beside it
         self._saved = time.monotonic()
         self._window: dict[str, list[float]] = defaultdict(list)
         self._clock = {"rollout": 0.0, "updates": 0.0, "steps": 0, "transitions": 0, "gradients": 0}
@@ -98,10 +100,15 @@ class Run:
         if self._unreported is None:
             before = self.episodes
             self._play()
-            if self.episodes >= min(self.config.learning_starts, self.config.episodes):
+            if self._learns and (not self.config.overlap or self.episodes >= self.config.episodes):
                 self._learn()
             self._unreported = before
         self._report(self._unreported, logger)
+
+    @property
+    def _learns(self) -> bool:
+        """Whether enough episodes are played to learn from."""
+        return self.episodes >= min(self.config.learning_starts, self.config.episodes)
 
     def _report(self, before: int, logger: Logger) -> None:
         """Validate, log and save, as it is due after a rollout that began after some episodes."""
@@ -132,7 +139,8 @@ class Run:
         return {
             **self._settings(), "learner": self.learner.state(), "replay": replay, "streams": streams,
             "episodes": self.episodes, "rows": self.rows, "best_score": self.best_score, "window": dict(self._window),
-            "unreported": self._unreported, "begun_with": self._begun_with, "validated_by": self._validated_by,
+            "unreported": self._unreported, "acting": self._acting, "begun_with": self._begun_with,
+            "validated_by": self._validated_by,
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any], path: Path) -> None:
@@ -177,18 +185,24 @@ class Run:
             self.best_score = -np.inf  # the best weights are lost, so the next ones are the best that there are
         self._window = defaultdict(list, state["window"])
         self._unreported = state.get("unreported")  # older checkpoints were written after the row alone
+        self._acting = state.get("acting")  # older ones knew no steps beside a rollout
 
     def _play(self) -> None:
         config, start = self.config, time.perf_counter()
-        before = {name: stream.bit_generator.state for name, stream in self._streams.items()}
+        before = {name: self._streams[name].bit_generator.state for name in ("tasks", "actions")}
         seeds = self._seeds()
         choose = self.learner.choose(self.episodes)
+        agents = self.learner.agents
+        if self._acting is not None:  # this rollout was broken off after the gradient steps
+            agents = copy.deepcopy(agents)
+            agents.load_state_dict(self._acting)
         try:
-            played = self._play_rollout(self.learner.agents, choose, self._streams["actions"], seeds)
+            played = self._play_rollout(agents, choose, self._streams["actions"], seeds, self._meanwhile)
         except (StopRequested, ProcessDiedError):
             for name, state in before.items():  # the rollout is played again
                 self._streams[name].bit_generator.state = state
             raise
+        self._acting = None
         for episode in played:
             self._window["return"].append(episode.episode_return)
             self.replay.add(_scaled(episode, config.reward_scale))
@@ -197,6 +211,13 @@ class Run:
         self.episodes += len(played)
         self._clock["rollout"] += time.perf_counter() - start
         self._clock["steps"] += sum(map(len, played))
+
+    def _meanwhile(self) -> None:
+        """Take the gradient steps that follow the last rollout, if they are to overlap with the one being played."""
+        if self.config.overlap and self._learns and self._acting is None:
+            acting = {name: weight.clone() for name, weight in self.learner.agents.state_dict().items()}
+            self._learn()
+            self._acting = acting
 
     def _seeds(self) -> list[int]:
         """Return the seeds of a rollout: random ones, but in a row where an environment is to stay in its home."""
