@@ -110,7 +110,7 @@ def qmix(episodes: int, envs: int, gradient_steps: int, workers: int, overlap: b
         *([] if overlap else [f"  rollout alone {parts.speed('_play'):,.0f} joint steps/s"]),
         f"  {1000 * learned / parts.gradients:.0f} ms a gradient step of {config.batch_size} episodes",
         f"  rollout and updates {parts.speed('advance'):,.0f} joint steps/s",
-        f"  the second half alone {parts.speed('advance', len(parts.steps) // 2):,.0f}: homes are known better",
+        f"  the second half alone {parts.speed('advance', len(parts.steps) // 2):,.0f} joint steps/s",
     ]
 
 

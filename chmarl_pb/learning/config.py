@@ -169,7 +169,10 @@ class RunConfig:
         """Refuse values outside the fields' limits, see :func:`check`, and what does not go together."""
         check(self)
         if self.overlap and self.on_policy:
-            raise ValueError("overlap=True: this algorithm learns from what its present weights have played; leave it")
+            raise ValueError(
+                "overlap=True: this algorithm learns from what its present weights have played; leave it out (an "
+                "imitation that it begins with may have it)"
+            )
         if self.workers > self.envs:
             raise ValueError(f"workers={self.workers}: must be at most envs={self.envs}, so that each plays an episode")
 

@@ -20,13 +20,14 @@ from torch.nn.utils import parameters_to_vector
 
 from chmarl_pb.errors import WorkerError
 from chmarl_pb.learning import train
-from chmarl_pb.learning.algorithms.value import ValueLearner
+from chmarl_pb.learning.algorithms.value import Config, ValueLearner
 from chmarl_pb.learning.benchmark_env import benchmark
+from chmarl_pb.learning.networks.encoders import build_encoder
 from chmarl_pb.learning.rollouts.collect import Choose, Collector, epsilon_greedy, greedy
 from chmarl_pb.learning.rollouts.replay_buffer import Episode
 from chmarl_pb.learning.rollouts.workers import rollouts_of
 from chmarl_pb.learning.runs.interrupts import StopRequested
-from chmarl_pb.learning.runs.logger import Logger
+from chmarl_pb.learning.runs.logger import METRICS, Logger, read_rows
 from chmarl_pb.learning.runs.run import Run
 from chmarl_pb.learning.runs.validation import by_return
 from chmarl_pb.signals import Interrupted
@@ -95,6 +96,7 @@ def test_a_run_may_be_interrupted_anywhere(
     _, times = in_pieces(lambda: run(tmp_path / "pieces"), every, monkeypatch)
     assert times > 1
     assert_same(tmp_path / "whole", tmp_path / "pieces")
+    assert all(0 <= row["speed"]["rollout_share"] <= 1 for row in read_rows(tmp_path / "whole" / METRICS))
 
 
 class Noted:
@@ -124,9 +126,36 @@ class Noted:
         return episodes
 
 
-def run_noted(overlap: bool, stopped: int | None = None) -> tuple[Run, list[tuple[torch.Tensor, torch.Tensor]]]:
+class Telling(torch.nn.Module):
+    """The usual encoder; its state is not made of tensors alone."""
+
+    def __init__(self, space: Any, size: int, *others: Any, **options: Any):
+        """Make the usual one."""
+        super().__init__()
+        self.inner = build_encoder(space, size, *others, **options)
+
+    def forward(self, observation: Any) -> torch.Tensor:
+        """Return its features."""
+        features: torch.Tensor = self.inner(observation)
+        return features
+
+    def get_extra_state(self) -> str:
+        """Return what it is called."""
+        return "told"
+
+    def set_extra_state(self, state: Any) -> None:
+        """Hear it."""
+        assert state == "told"
+
+
+TELLING = replace(SMALL, encoder=f"{__name__}:{Telling.__name__}")
+
+
+def run_noted(
+    overlap: bool, stopped: int | None = None, config: Config = SMALL
+) -> tuple[Run, list[tuple[torch.Tensor, torch.Tensor]]]:
     """Train, in two runs if a rollout is stopped; return the last run and the weights before and after each rollout."""
-    config = replace(SMALL, overlap=overlap)
+    config = replace(config, overlap=overlap)
     with closing(Collector(UnevenEnv, config.envs)) as collector, closing(Logger(None, config.episodes)) as logger:
         play = Noted(collector, stopped)
         make = partial(Run, collector, play, "qmix", config, None, by_return(2), {}, torch.device("cpu"))
@@ -154,8 +183,19 @@ def test_gradient_steps_may_overlap_with_the_next_rollout() -> None:
     assert not torch.equal(last, overlapping[-1][1]), "the last rollout is learned from, too"
 
 
-def test_a_rollout_that_is_stopped_beside_gradient_steps_is_played_again_by_the_weights_before_them() -> None:
-    (whole, _), (pieces, _) = run_noted(True), run_noted(True, stopped=SMALL.learning_starts // SMALL.envs + 2)
+@pytest.mark.parametrize("starts", [0, 1, 10_000])
+def test_as_much_is_learned_with_overlap_whenever_learning_starts(starts: int) -> None:
+    config = replace(SMALL, learning_starts=starts)
+    (apart, _), (beside, _) = run_noted(False, config=config), run_noted(True, config=config)
+    assert apart.learner.updates == beside.learner.updates > 0
+
+
+@pytest.mark.parametrize("config", [SMALL, TELLING])
+def test_a_rollout_that_is_stopped_beside_gradient_steps_is_played_again_by_the_weights_before_them(
+    config: Config,
+) -> None:
+    stopped = SMALL.learning_starts // SMALL.envs + 2
+    (whole, _), (pieces, _) = run_noted(True, config=config), run_noted(True, stopped, config)
     assert pieces.learner.updates == whole.learner.updates
     weights = [parameters_to_vector(run.learner.agents.parameters()) for run in (whole, pieces)]
     assert torch.equal(*weights)

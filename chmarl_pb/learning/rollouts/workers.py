@@ -62,9 +62,10 @@ def rollouts_of(
     processes act on the CPU.
 
     Args:
-        collector: of as many environments as a rollout has episodes; plays the first share of them.
+        collector: of as many environments as a rollout has episodes; plays the first share of them, if any are played
+            here.
         make: makes the collector of another process, of so many environments; sent by cloudpickle.
-        workers: number of processes that play; 1: this one alone.
+        workers: number of processes that play.
         threads: of torch in each.
         check: called while others are waited for; may raise an error to end the rollout.
         beside: whether all of them are others than this one, which is free for something else meanwhile.
@@ -78,8 +79,13 @@ def rollouts_of(
         yield _Here(collector)
         return
     with pools(others, 1) as executors:
-        sent = pickled(make, "the environment", f"give workers=1{' without overlap' * beside}")
+        sent = pickled(make, "the environment", _instead(beside))
         yield _Shared(collector, sent, executors, threads, check, beside)
+
+
+def _instead(beside: bool) -> str:
+    """Return what to do if something cannot be sent to other processes."""
+    return "give workers=1 without overlap" if beside else "give workers=1"
 
 
 @dataclass(frozen=True)
@@ -123,7 +129,7 @@ class _Shared:
         own = 0 if self.beside else 1  # shares that are played here
         shares = [[int(seed) for seed in share] for share in np.array_split(seeds, len(self.executors) + own)]
         streams = [int(number) for number in rng.integers(2**63, size=len(shares))]
-        player = pickled((copy.deepcopy(agents).cpu(), choose), "the agents")
+        player = pickled((copy.deepcopy(agents).cpu(), choose), "the agents", _instead(self.beside))
         names = self.collector.interface.agents
         played = [
             submitted(executor, _play_share, self.make, self.threads, names, player, stream, share)

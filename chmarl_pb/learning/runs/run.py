@@ -35,6 +35,10 @@ LAST, BEST = "last.pt", "best.pt"
 class Run:
     """A training run; all of it can be saved between two rollouts, and in one before its validation.
 
+    With ``overlap`` the gradient steps that follow a rollout are taken while the next one is played, by the weights
+    from before them; those that follow the last one are taken after it. A rollout that is broken off is played again by
+    the same weights.
+
     Attributes:
         learner: networks and optimizer; the agents' networks are in training mode in gradient steps alone.
         episodes: number of played episodes.
@@ -94,7 +98,8 @@ class Run:
         """Play a rollout, learn from it, and do what is due after it; what was left of the last rollout comes first.
 
         Raises:
-            StopRequested: the run is to end; its state is that of before the rollout, or of before its validation.
+            StopRequested: the run is to end; its state is that of before the rollout, but for the gradient steps that
+                were taken beside it, or of before its validation.
             ValueError: the score of a validation is no number.
         """
         if self._unreported is None:
@@ -108,7 +113,7 @@ class Run:
     @property
     def _learns(self) -> bool:
         """Whether enough episodes are played to learn from."""
-        return self.episodes >= min(self.config.learning_starts, self.config.episodes)
+        return self.episodes >= max(min(self.config.learning_starts, self.config.episodes), 1)
 
     def _report(self, before: int, logger: Logger) -> None:
         """Validate, log and save, as it is due after a rollout that began after some episodes."""
@@ -215,9 +220,10 @@ class Run:
     def _meanwhile(self) -> None:
         """Take the gradient steps that follow the last rollout, if they are to overlap with the one being played."""
         if self.config.overlap and self._learns and self._acting is None:
-            acting = {name: weight.clone() for name, weight in self.learner.agents.state_dict().items()}
+            acting, start = copy.deepcopy(self.learner.agents.state_dict()), time.perf_counter()
             self._learn()
             self._acting = acting
+            self._clock["rollout"] -= time.perf_counter() - start  # it is counted as that of updates
 
     def _seeds(self) -> list[int]:
         """Return the seeds of a rollout: random ones, but in a row where an environment is to stay in its home."""
@@ -278,8 +284,9 @@ class Run:
         """Return the means since the last row, and how fast all went."""
         means = {name: float(np.mean(values)) for name, values in self._window.items() if values}
         clock = self._clock
+        played = clock["rollout"] + (clock["updates"] if self.config.overlap else 0)
         speed = {
-            "rollout_steps_per_s": clock["steps"] / max(clock["rollout"], 1e-9),
+            "rollout_steps_per_s": clock["steps"] / max(played, 1e-9),
             "updates_per_s": clock["gradients"] / max(clock["updates"], 1e-9),
             "learned_steps_per_s": clock["transitions"] / max(clock["updates"], 1e-9),
             "rollout_share": clock["rollout"] / max(clock["rollout"] + clock["updates"], 1e-9),
