@@ -195,7 +195,8 @@ def test_a_rollout_that_is_stopped_beside_gradient_steps_is_played_again_by_the_
     config: Config,
 ) -> None:
     stopped = SMALL.learning_starts // SMALL.envs + 2
-    (whole, _), (pieces, _) = run_noted(True, config=config), run_noted(True, stopped, config)
+    (whole, played), (pieces, again) = run_noted(True, config=config), run_noted(True, stopped, config)
+    assert all(torch.equal(one, other) for (one, _), (other, _) in zip(played, again, strict=True))
     assert pieces.learner.updates == whole.learner.updates
     weights = [parameters_to_vector(run.learner.agents.parameters()) for run in (whole, pieces)]
     assert torch.equal(*weights)
