@@ -1,11 +1,11 @@
 """Joint steps a second of whole trainings, playing and learning, of QMIX and of PPO.
 
     python -m benchmarks.learning                                     # QMIX with messages, and PPO for the humanoid
-    python -m benchmarks.learning --only qmix --envs 32 --gradient-steps 16
+    python -m benchmarks.learning --only qmix --envs 32 --gradient-steps 1 --workers 2 --overlap
 
 QMIX in one process is timed by the processor, all else by the clock. The first rollouts, which load homes and look
-where nobody has looked, are not counted. Random play of QMIX's environment tells what no learner
-passes there in one process.
+where nobody has looked, are not counted. Random play of QMIX's environment tells what no learner passes there in one
+process.
 """
 
 import argparse

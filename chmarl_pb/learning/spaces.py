@@ -15,8 +15,8 @@ from chmarl_pb.learning.components import Counts, counts_in
 Tree = Any  # an array or tensor, or a dict of them, as the space says
 
 FLAT = spaces.Box | spaces.Discrete | spaces.MultiDiscrete | spaces.MultiBinary  # what observations may be made of
-_LEAVES = (np.ndarray, torch.Tensor)
 FLAT_NAMES = "Box, a Discrete, a MultiDiscrete, a MultiBinary"
+_LEAVES = (np.ndarray, torch.Tensor)
 
 
 @dataclass(frozen=True)

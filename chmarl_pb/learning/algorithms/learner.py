@@ -30,7 +30,7 @@ class Learner(Protocol):
         """Move the networks to a device, before the first gradient step."""
 
     def choose(self, episodes: int) -> Choose:
-        """Return how to act after a number of episodes; nothing that is learned may decide it, see ``overlap``."""
+        """Return how to act after a number of episodes, which alone decide it: steps of ``overlap`` may come before."""
 
     def learn(self, replay: ReplayBuffer, rng: np.random.Generator) -> Iterator[tuple[Batch, dict[str, float]]]:
         """Take the gradient steps that follow a rollout of episodes, and yield each with its figures."""
